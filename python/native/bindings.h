@@ -1,19 +1,19 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The module pliant._native: the C++ libraries as the package `pliant` calls them. It checks types
-// and shapes, releases the GIL while it works, and turns Error into the classes of pliant.errors;
-// what users see (paths, arrays of any layout, records) is made of it in Python.
+// The module pliant._native: the C++ libraries as the package `pliant` calls them, with arguments
+// by position. It checks types and shapes, releases the GIL while it works, and turns Error into
+// the classes of pliant.errors. Python makes of it what users see (paths, arrays of any layout,
+// records).
 #pragma once
 
-#include <pybind11/pybind11.h>
+#include "python/native/convert.h"
 
 namespace pliant::python {
 
-void BindErrors();
-void BindExtractor(pybind11::module_& module);
-void BindMatching(pybind11::module_& module);
-void BindEngine(pybind11::module_& module);
-void BindTracking(pybind11::module_& module);
-void BindSimulation(pybind11::module_& module);
+void BindExtractor(py::module_& module);
+void BindMatching(py::module_& module);
+void BindIndex(py::module_& module);
+void BindTracking(py::module_& module);
+void BindSimulation(py::module_& module);
 
 }  // namespace pliant::python

@@ -54,6 +54,17 @@ py::tuple FromFeatures(const Features& features);
 std::vector<Vec2> ToPoints(const DoubleArray& points, const char* what);
 DoubleArray FromPoints(const std::vector<Vec2>& points);
 
+// Runs long work without the GIL.
+template <typename Work>
+auto WithoutGil(Work work) {
+  const py::gil_scoped_release release;
+  return work();
+}
+
+inline py::bytes ToBytes(const std::vector<std::uint8_t>& data) {
+  return {reinterpret_cast<const char*>(data.data()), data.size()};
+}
+
 // The bytes stay valid as long as `data` does: Python's bytes never change.
 inline Bytes ViewOf(const py::bytes& data) {
   char* begin = nullptr;

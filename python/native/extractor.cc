@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/features/descriptor.h"
 #include "python/native/bindings.h"
-#include "python/native/convert.h"
 
 namespace pliant::python {
 namespace {
@@ -19,55 +18,40 @@ FeatureExtractor MakeExtractor(const std::string& descriptor, const std::string&
 
 py::tuple DescribeBytes(const FeatureExtractor& extractor, const py::bytes& data, int threads) {
   const Bytes bytes = ViewOf(data);
-  const Features features = [&] {
-    const py::gil_scoped_release release;
-    return extractor.Extract(bytes, threads);
-  }();
-  return FromFeatures(features);
+  return FromFeatures(WithoutGil([&] { return extractor.Extract(bytes, threads); }));
 }
 
 py::tuple DescribeArray(const FeatureExtractor& extractor, const ByteArray& pixels, int threads) {
   const Image image = ToImage(pixels);
-  const Features features = [&] {
-    const py::gil_scoped_release release;
-    return extractor.ExtractFrom(image, threads);
-  }();
-  return FromFeatures(features);
+  return FromFeatures(WithoutGil([&] { return extractor.ExtractFrom(image, threads); }));
 }
 
 py::bytes EncodeArray(const ByteArray& pixels) {
   const Image image = ToImage(pixels);
-  const auto png = [&] {
-    const py::gil_scoped_release release;
-    return EncodePng(image);
-  }();
-  return {reinterpret_cast<const char*>(png.data()), png.size()};
+  return ToBytes(WithoutGil([&] { return EncodePng(image); }));
 }
 
 // H x W x 3, upright, in the image's own size.
 py::array Decode(const py::bytes& data) {
   const Bytes bytes = ViewOf(data);
-  const Image image = [&] {
-    const py::gil_scoped_release release;
+  return FromImage(WithoutGil([&] {
     DecodeOptions options;
     options.colour = true;
     options.max_side_px = 0;
     return DecodeImage(bytes, options).image;
-  }();
-  return FromImage(image);
+  }));
 }
 
 }  // namespace
 
 void BindExtractor(py::module_& module) {
   module.def("descriptor_names", &DescriptorNames);
-  module.def("encode_png", &EncodeArray, py::arg("pixels").noconvert());
-  module.def("decode", &Decode, py::arg("data"));
+  module.def("encode_png", &EncodeArray, py::arg().noconvert());
+  module.def("decode", &Decode);
   py::class_<FeatureExtractor>(module, "Extractor")
-      .def(py::init(&MakeExtractor), py::arg("descriptor"), py::arg("model"),
-           py::arg("max_keypoints"), py::arg("max_side"), py::arg("enlarge_below"))
-      .def("describe_bytes", &DescribeBytes, py::arg("data"), py::arg("threads"))
-      .def("describe_array", &DescribeArray, py::arg("pixels").noconvert(), py::arg("threads"))
+      .def(py::init(&MakeExtractor))
+      .def("describe_bytes", &DescribeBytes)
+      .def("describe_array", &DescribeArray, py::arg().noconvert(), py::arg())
       .def_property_readonly("descriptor",
                              [](const FeatureExtractor& e) { return e.descriptor().info().name; })
       .def_property_readonly(

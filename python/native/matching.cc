@@ -9,7 +9,6 @@
 #include "descriptor/warp/tps_ransac.h"
 #include "index/verify/verification.h"
 #include "python/native/bindings.h"
-#include "python/native/convert.h"
 
 namespace pliant::python {
 namespace {
@@ -18,12 +17,11 @@ py::tuple MatchArrays(const py::array& first, const py::array& second, double ra
                       int threads) {
   const Descriptors a = ToDescriptors(first, "a");
   const Descriptors b = ToDescriptors(second, "b");
-  const std::vector<Match> matches = [&] {
-    const py::gil_scoped_release release;
+  const std::vector<Match> matches = WithoutGil([&] {
     return MatchDescriptors(
         PackedDescriptors(b), a,
         {.max_ratio = static_cast<float>(ratio), .mutual_only = mutual, .threads = threads});
-  }();
+  });
   const auto rows = static_cast<py::ssize_t>(matches.size());
   IndexArray pairs(Shape(matches.size(), 2));
   FloatArray distances(rows);
@@ -101,18 +99,12 @@ py::tuple Verify(const py::object& first, const py::object& second,
                 "tolerance must be above 0 and below 1.");
   }
   if (!matches) {
-    const VerificationResult result = [&] {
-      const py::gil_scoped_release release;
-      return Verifier(b, options).Verify(a);
-    }();
+    const VerificationResult result = WithoutGil([&] { return Verifier(b, options).Verify(a); });
     return Answer(result.inliers, result.warp, result.failure,
                   static_cast<std::size_t>(result.matches));
   }
   const std::vector<MatchedPair> pairs = ToPairs(*matches, a, b);
-  const TpsRansacResult result = [&] {
-    const py::gil_scoped_release release;
-    return AgreeOnWarp(a, b, pairs, options);
-  }();
+  const TpsRansacResult result = WithoutGil([&] { return AgreeOnWarp(a, b, pairs, options); });
   std::vector<MatchedPair> inliers;
   for (const std::uint32_t i : result.inliers) inliers.push_back(pairs[i]);
   return Answer(inliers, result.warp, result.failure, pairs.size());
@@ -120,10 +112,8 @@ py::tuple Verify(const py::object& first, const py::object& second,
 
 DoubleArray WarpPoints(const ThinPlateSpline& warp, const DoubleArray& points) {
   std::vector<Vec2> places = ToPoints(points, "points");
-  {
-    const py::gil_scoped_release release;
-    for (Vec2& place : places) place = warp(place);
-  }
+  WithoutGil(
+      [&] { std::transform(places.begin(), places.end(), places.begin(), std::cref(warp)); });
   return FromPoints(places);
 }
 
@@ -147,21 +137,14 @@ ThinPlateSpline FitWarp(const DoubleArray& from, const DoubleArray& to, double r
 }  // namespace
 
 void BindMatching(py::module_& module) {
-  py::class_<ThinPlateSpline>(module, "Warp",
-                              "A thin-plate spline from points of image a to points of image "
-                              "b, in pixels (x, y), pixel centres at integers. Immutable; may be "
-                              "used by many threads.")
-      .def_static("_fit", &FitWarp, py::arg("source").noconvert(), py::arg("target").noconvert(),
-                  py::arg("regularization"))
-      .def("_map", &WarpPoints, py::arg("points").noconvert())
-      .def("_jacobians", &Jacobians, py::arg("points").noconvert())
-      .def_property_readonly("bending_energy", &ThinPlateSpline::bending_energy,
-                             "How far the warp is from an affine map, which has 0; a number "
-                             "without a unit, whatever the size of the images.");
-  module.def("match", &MatchArrays, py::arg("a"), py::arg("b"), py::arg("ratio"), py::arg("mutual"),
-             py::arg("threads"));
-  module.def("verify", &Verify, py::arg("a"), py::arg("b"), py::arg("matches").noconvert(),
-             py::arg("ratio"), py::arg("tolerance"), py::arg("seed"), py::arg("threads"));
+  py::class_<ThinPlateSpline>(module, "Warp")
+      .def_static("_fit", &FitWarp, py::arg().noconvert(), py::arg().noconvert(), py::arg())
+      .def("_map", &WarpPoints, py::arg().noconvert())
+      .def("_jacobians", &Jacobians, py::arg().noconvert())
+      .def_property_readonly("bending_energy", &ThinPlateSpline::bending_energy);
+  module.def("match", &MatchArrays);
+  module.def("verify", &Verify, py::arg(), py::arg(), py::arg().noconvert(), py::arg(), py::arg(),
+             py::arg(), py::arg());
 }
 
 }  // namespace pliant::python

@@ -7,8 +7,6 @@
 namespace pliant::python {
 namespace {
 
-namespace py = pybind11;
-
 // Fields of SimulateOptions by their names; the Python side passes no others.
 SimulateOptions ToOptions(const py::dict& given) {
   SimulateOptions o;
@@ -62,8 +60,6 @@ py::dict RunSimulation(const py::dict& given, const py::object& progress) {
 
 }  // namespace
 
-void BindSimulation(py::module_& module) {
-  module.def("simulate", &RunSimulation, py::arg("options"), py::arg("progress"));
-}
+void BindSimulation(py::module_& module) { module.def("simulate", &RunSimulation); }
 
 }  // namespace pliant::python

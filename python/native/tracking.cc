@@ -8,7 +8,6 @@
 #include "index/tracking/frame_source.h"
 #include "index/tracking/tracker.h"
 #include "python/native/bindings.h"
-#include "python/native/convert.h"
 
 namespace pliant::python {
 namespace {
@@ -39,13 +38,13 @@ std::unique_ptr<Tracker> MakeTracker(const FeatureExtractor& extractor, const By
 }
 
 // (the JSON text of the location, the inliers as K x 2 of template and frame, the warp or None)
-py::tuple Find(const Tracker& tracker, const Image& frame) {
-  const auto [features, location] = [&] {
-    const py::gil_scoped_release release;
+py::tuple Find(const Tracker& tracker, const ByteArray& pixels) {
+  const Image frame = ToImage(pixels);
+  const auto [features, location] = WithoutGil([&] {
     Features described = tracker.Describe(frame);
     Location found = tracker.Find(described);
     return std::pair(std::move(described), std::move(found));
-  }();
+  });
   std::vector<Vec2> on_template;
   std::vector<Vec2> in_frame;
   for (const MatchedPair& pair : location.inliers) {
@@ -60,11 +59,7 @@ py::tuple Find(const Tracker& tracker, const Image& frame) {
 
 // The next (number, seconds or None, file name, image H x W x 3 RGB), or None at the end.
 py::object NextFrame(FrameSource& source) {
-  std::optional<Frame> frame;
-  {
-    const py::gil_scoped_release release;
-    frame = source.Next();
-  }
+  const std::optional<Frame> frame = WithoutGil([&] { return source.Next(); });
   if (!frame) return py::none();
   const auto name = py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefaultAndSize(
       frame->file.data(), static_cast<Py_ssize_t>(frame->file.size())));
@@ -77,30 +72,17 @@ py::object NextFrame(FrameSource& source) {
 void BindTracking(py::module_& module) {
   py::class_<FrameSource>(module, "Frames")
       .def(py::init([](const std::string& path, int every) {
-             const py::gil_scoped_release release;
-             FrameOptions options;
-             options.every = every;
-             return OpenFrames(path, options);
-           }),
-           py::arg("path"), py::arg("every"))
-      .def("next", &NextFrame)
-      .def_property_readonly("skipped", [](const FrameSource& source) {
-        py::list skipped;
-        for (const SkippedFrame& s : source.skipped())
-          skipped.append(py::make_tuple(py::bytes(s.file), s.code, py::bytes(s.reason)));
-        return skipped;
-      });
+        const py::gil_scoped_release release;
+        FrameOptions options;
+        options.every = every;
+        return OpenFrames(path, options);
+      }))
+      .def("next", &NextFrame);
   py::class_<Tracker>(module, "Tracker")
-      .def(py::init(&MakeTracker), py::arg("extractor"), py::arg("reference").noconvert(),
-           py::arg("region"), py::arg("mask").noconvert(), py::arg("iterations"),
-           py::arg("min_inliers"), py::arg("max_ratio"), py::arg("tolerance"),
-           py::arg("regularization"), py::arg("threads"), py::keep_alive<1, 2>())
-      .def(
-          "find",
-          [](const Tracker& tracker, const ByteArray& frame) {
-            return Find(tracker, ToImage(frame));
-          },
-          py::arg("frame").noconvert())
+      .def(py::init(&MakeTracker), py::arg(), py::arg().noconvert(), py::arg(),
+           py::arg().noconvert(), py::arg(), py::arg(), py::arg(), py::arg(), py::arg(), py::arg(),
+           py::keep_alive<1, 2>())
+      .def("find", &Find, py::arg().noconvert())
       .def_property_readonly("region",
                              [](const Tracker& tracker) {
                                const PixelBox& box = tracker.box();

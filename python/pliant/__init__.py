@@ -4,12 +4,12 @@
 
     features = pliant.describe("mug.jpg")                     # keypoints and descriptors, as NumPy arrays
     matches = pliant.match(features, other)                   # nearest neighbours
-    inliers, warp = pliant.verify(features, other)            # those that agree on one smooth warp
+    inliers, warp = pliant.verify(features, other)            # matches that agree on one smooth warp
     with pliant.Index("shop.db") as index: ...                # a searchable collection in one file
     client = pliant.Client("http://127.0.0.1:8080")           # the same, of a running pliant-server
 
-Every function and class may be used by several threads; the GIL is released while the library works.
-The library is loaded when it is first used: `pliant.Client` needs neither it nor NumPy.
+Several threads can use every function and class; the GIL is released while the library works.
+The first use loads the library: `pliant.Client` needs neither it nor NumPy.
 """
 from __future__ import annotations
 
@@ -30,14 +30,7 @@ if TYPE_CHECKING:
     from pliant.simulation import SimulationReport, simulate
     from pliant.tracking import TrackedFrame, Tracker, track
 
-_LAZY = {name: module for module, names in {
-    "features": ("Extractor", "Features", "describe", "descriptor_names"),
-    "index": ("Index",),
-    "matching": ("Matches", "Verification", "Warp", "match", "verify"),
-    "records": ("FolderReport", "Hit", "Instance", "Image", "SearchResult", "Vocabulary"),
-    "simulation": ("SimulationReport", "simulate"),
-    "tracking": ("TrackedFrame", "Tracker", "track"),
-}.items() for name in names}
+_MODULES = ("features", "index", "matching", "records", "simulation", "tracking")
 
 __all__ = ["CancelledError", "Client", "ConflictError", "ConnectionFailedError", "CorruptError", "Error", "Extractor",
            "Features", "FolderReport", "ForbiddenError", "Hit", "Index", "Instance", "InternalError",
@@ -48,11 +41,12 @@ __all__ = ["CancelledError", "Client", "ConflictError", "ConnectionFailedError",
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LAZY:
+    if name not in __all__:
         raise AttributeError(f"module 'pliant' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"pliant.{_LAZY[name]}"), name)
-    globals()[name] = value
-    return value
+    for module in _MODULES:
+        known = vars(importlib.import_module(f"pliant.{module}"))
+        globals().update({one: known[one] for one in __all__ if one in known})
+    return globals()[name]
 
 
 def __dir__() -> list[str]:

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to a server over http.client: bodies, retries, errors. Private; see pliant.client."""
+"""Requests to a server over http.client: retries, answers, errors. Private; see pliant.client."""
 from __future__ import annotations
 
+import email.utils
 import http.client
 import json
 import os
@@ -15,10 +16,16 @@ import uuid
 import zlib
 from typing import Any, BinaryIO, NamedTuple
 
-from pliant import _problems
+from pliant import errors
 from pliant.errors import ConnectionFailedError, InvalidArgumentError
 
 _BUSY = (429, 503)
+_BY_STATUS: dict[int, type[errors.Error]] = {
+    400: errors.InvalidArgumentError, 401: errors.UnauthorizedError, 403: errors.ForbiddenError,
+    404: errors.NotFoundError, 409: errors.ConflictError, 412: errors.ConflictError, 413: errors.TooLargeError,
+    415: errors.UnsupportedMediaTypeError, 422: errors.UnprocessableError, 429: errors.UnavailableError,
+    500: errors.InternalError, 503: errors.UnavailableError, 507: errors.NoSpaceError,
+}
 
 
 class Answer(NamedTuple):
@@ -89,7 +96,7 @@ class Transport:
             else:
                 if answer.status < 300 or answer.status == 304:
                     return answer
-                refused = _problems.error(answer.status, answer.headers, answer.body)
+                refused = _refusal(answer)
                 wait = refused.retry_after
                 busy = answer.status in _BUSY or refused.code == "idempotency_running"
                 if not busy or failed >= retries or (wait or 0) > self._max_wait:
@@ -135,8 +142,51 @@ def _exchange(connection: http.client.HTTPConnection, method: str, target: str, 
     return connection.getresponse()
 
 
+def _refusal(answer: Answer) -> errors.Error:
+    """Of problem+json, or of whatever something between the server and here said."""
+    problem: Any = None
+    if "json" in answer.headers.get("Content-Type", ""):
+        try:
+            problem = json.loads(answer.body)
+        except ValueError:
+            pass
+    return problem_error(answer.status, problem if isinstance(problem, dict) else {},
+                         request_id=answer.headers.get("X-Request-Id"), wait_s=_retry_after(answer.headers))
+
+
+def _retry_after(headers: http.client.HTTPMessage) -> float | None:
+    """Seconds that the answer asks to wait (RFC 9110: a number, or a date), if it does."""
+    value = str(headers.get("Retry-After", ""))
+    if value.strip().isdecimal():
+        return float(value)
+    try:
+        return max(0.0, email.utils.parsedate_to_datetime(value).timestamp() - time.time())
+    except (TypeError, ValueError):
+        return None
+
+
+def problem_error(status: int, problem: dict[str, Any], *, request_id: str | None = None,
+                  wait_s: float | None = None) -> errors.Error:
+    """Of a problem document, the body of an answer or a part of one."""
+    said = {name: value for name, value in problem.items() if isinstance(value, str)}
+    code, title = said.get("code"), said.get("title")
+    kind = errors.ReadOnlyError if (status, code) == (500, "read_only") else _BY_STATUS.get(status, errors.Error)
+    return kind(said.get("detail") or title or f"the server answered {status}", code=code or f"http_{status}",
+                status=status, title=title, parameter=said.get("parameter"),
+                request_id=said.get("request_id") or request_id, retry_after=wait_s, problem=problem)
+
+
+def job_error(job: dict[str, Any]) -> errors.Error:
+    """Of a job that failed or was cancelled."""
+    if job["state"] == "cancelled":
+        return errors.CancelledError(f"job {job['id']} was cancelled", code="cancelled", problem=job)
+    problem = job.get("problem") or {}
+    return errors.Error(problem.get("detail") or f"job {job['id']} {job['state']}", code=problem.get("code") or "job_failed",
+                        problem=job)
+
+
 class _FileFailed(Exception):
-    """The file that takes a body cannot be written: no failure of the connection."""
+    """The file that takes a body cannot be written. This is not a failure of the connection."""
 
 
 def _copy(response: http.client.HTTPResponse, file: BinaryIO) -> None:

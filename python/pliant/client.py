@@ -5,26 +5,34 @@ library nor NumPy. The reference of routes, parameters and codes is server/refer
 """
 from __future__ import annotations
 
+import base64
 import json
 import os
 import ssl
-from typing import Any, Iterator, Mapping, Sequence
+import time
+from typing import Any, Callable, Iterator, Mapping, Sequence, Union
 
-from pliant import _bodies, _problems, _transport
-from pliant._background import Background
-from pliant._bodies import ImageLike, Json
+from pliant import _transport
 from pliant._transport import Transport, segment
-from pliant.errors import Error, UnavailableError
+from pliant.errors import Error, InvalidArgumentError, UnavailableError
+
+#: A path, the bytes of a file, or an array of uint8, H x W or H x W x 3.
+ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, Any]
+Json = dict[str, Any]
+
+_ARCHIVES = {".tar": "application/x-tar", ".ndjson": "application/x-ndjson", ".jsonl": "application/x-ndjson"}
+_LONGEST_S = 30.0   # that one request waits for the end of a job
+_HEARD_S = 1.0      # the same with a `progress` callback
 
 
-class Client(Background):
+class Client:
     """Talks to the server at `url` about one collection. Any number of threads may use it.
 
     key: an API key. collection: the one that methods are about; `client.collection("shelf")` gives another.
     timeout: seconds without a byte before a request fails. retries: how often a request is repeated that the server
-    refused as too much (429, 503), or whose connection failed: `add` without an id, `train` and such are
-    done once all the same, by an Idempotency-Key. It waits as long as `Retry-After` says, but no more than `max_wait` seconds: then
-    the error is raised. context: for https with a certificate of your own.
+    refused as too much (429, 503), or whose connection failed. An Idempotency-Key makes sure that the server does
+    `add` without an id, `train` and similar requests once. The client waits as long as `Retry-After` says, at most
+    `max_wait` seconds; for longer waits it raises the error. context: for https with a certificate of your own.
     Failures raise the classes of `pliant.errors`, with the problem's code, title, detail and status.
     """
 
@@ -51,60 +59,61 @@ class Client(Background):
         return other
 
     def collections(self) -> list[str]:
-        """The names of all."""
-        return list(self._get("/v1/collections")["collections"])
+        """The names of all collections."""
+        return list(self._ask("GET", "/v1/collections")["collections"])
 
     def create(self) -> Json:
-        """Makes this client's collection; one that is there stays as it is."""
+        """Creates this client's collection; an existing one stays as it is."""
         return self._ask("PUT", self._base)
 
     def info(self) -> Json:
-        """Its name, its numbers of images, objects and descriptors, and the vocabulary in use."""
-        return self._get(self._base)
+        """The collection's name, its numbers of images, objects and descriptors, and the vocabulary in use."""
+        return self._ask("GET", self._base)
 
     def set_display_name(self, name: str | None) -> Json:
-        """What people call this client's collection; None: by its own name."""
-        return self._patch(self._base, json.dumps({"display_name": name}).encode())
+        """The name that people see for this client's collection; None: its own name."""
+        return self._patch(self._base, {"display_name": name})
 
     def drop(self) -> None:
-        """Deletes this client's collection with all it holds, and its aliases."""
-        self._transport.call("DELETE", self._base)
+        """Deletes this client's collection with all its contents and its aliases."""
+        self._ask("DELETE", self._base)
 
     def aliases(self) -> dict[str, str]:
         """Other names of collections: alias to collection. `client.collection(alias)` takes them, too."""
-        return {alias["name"]: alias["collection"] for alias in self._get("/v1/aliases")["aliases"]}
+        return {alias["name"]: alias["collection"] for alias in self._ask("GET", "/v1/aliases")["aliases"]}
 
     def set_aliases(self, changes: Mapping[str, str | None]) -> None:
         """Makes, moves and (None) removes aliases, all at once or none."""
-        self._patch("/v1/aliases", json.dumps(dict(changes)).encode())
+        self._patch("/v1/aliases", dict(changes))
 
     # Images
 
     def add(self, image: ImageLike | None = None, *, image_url: str | None = None, object: str = "",
             id: str | None = None, metadata: Json | None = None, channels: str = "RGB") -> Json:
-        """Adds an image and gives its record. With an id it replaces what is there, and can be repeated safely.
-        image_url, in place of image: an address that the server fetches it from (where --fetch-hosts allows it)."""
-        body, kind = _bodies.image("add", image, image_url, channels)
-        parameters: Json = {"object": object} if object else {}
-        if metadata:
-            parameters["metadata"] = json.dumps(metadata, allow_nan=False)
+        """Adds an image and gives its record. With an id it replaces an existing image, and can be repeated safely.
+        image_url, instead of image: an address from which the server fetches the image (if --fetch-hosts allows it)."""
+        parameters = _given(object=object or None, metadata=metadata or None)
         path = f"{self._base}/images" + ("" if id is None else f"/{segment('id', id)}")
-        return self._ask("POST" if id is None else "PUT", path, parameters=parameters, body=body, content_type=kind)
+        return self._ask("POST" if id is None else "PUT", path, parameters=parameters,
+                         **_image_body("add", image, image_url, channels))
 
     def get(self, id: str) -> Json:
         """An image's record. NotFoundError "image_not_found"."""
-        return self._get(self._image(id))
+        return self._ask("GET", self._image(id))
 
     def etag(self, id: str) -> str:
-        """Of an image's record as it is now, for `update(..., if_match=...)`."""
+        """The ETag of an image's present record, for `update(..., if_match=...)`."""
         return str(self._transport.call("GET", self._image(id)).headers["ETag"])
 
     def update(self, id: str, *, object: str | None = None, metadata: Json | None = None, source: str | None = None,
                if_match: str | None = None) -> Json:
-        """Changes what an image is called or known by, without describing it anew, and gives its record. What is left
-        out stays; object="": it shows no object any more. metadata is merged key by key, and None removes a key.
+        """Changes an image's object, metadata or source without describing it again, and gives its record. Omitted
+        values stay; object="" removes the object. metadata is merged key by key, and None removes a key.
         if_match: an `etag`; ConflictError "precondition_failed" if the record was changed since."""
-        return self._patch(self._image(id), _bodies.changes({"object": object, "metadata": metadata, "source": source}),
+        changes = {"object": object, "metadata": metadata, "source": source}
+        if all(value is None for value in changes.values()):
+            raise TypeError(f"nothing to change: give {', '.join(changes)}")
+        return self._patch(self._image(id), {name: value for name, value in changes.items() if value is not None},
                            if_match=if_match)
 
     def content(self, id: str) -> bytes:
@@ -117,128 +126,240 @@ class Client(Background):
 
     def features(self, id: str) -> Json:
         """Keypoints, and descriptors as base64."""
-        return self._get(self._image(id) + "/features")
+        return self._ask("GET", self._image(id) + "/features")
 
     def save_features(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
                       q: str | None = None) -> None:
         """Writes the features of the whole collection (of an object, of those that pass) to an .npz file, which
-        `pliant.Features.load_folder` and `numpy.load` read: by ids, all of one state. `objects` says what each shows.
+        `pliant.Features.load_folder` and `numpy.load` read: by ids, all of one state. `objects` names the object of each.
         The file appears when it is complete."""
-        _transport.download(self._transport, f"{self._base}/features", _bodies.listing(object=object, filter=filter, q=q), path)
+        parameters = _given(object=object, filter=filter, q=q)
+        _transport.download(self._transport, f"{self._base}/features", parameters, path)
 
     def delete(self, id: str) -> None:
-        """Deletes an image for good. NotFoundError if there is none, also when a request that was repeated finds it gone."""
-        self._transport.call("DELETE", self._image(id))
+        """Deletes an image for good. NotFoundError if there is none, also when a repeated request finds it deleted."""
+        self._ask("DELETE", self._image(id))
 
     def delete_object(self, object: str) -> int:
-        """Deletes all images of an object, and says how many."""
-        return int(self._ask("DELETE", f"{self._base}/objects/{segment('object', object)}")["deleted"])
+        """Deletes all images of an object, and gives their number."""
+        return int(self._ask("DELETE", self._object(object))["deleted"])
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> Json:
-        """Gives an object another name, with all its images at once. Where another one has it, ConflictError
+        """Gives an object another name, with all its images at once. If another object has it, ConflictError
         "object_exists", or, with merge=True, both become one."""
-        return self._patch(f"{self._base}/objects/{segment('object', object)}", _bodies.changes({"object": name}),
-                           parameters={"merge": "true"} if merge else None)
+        return self._patch(self._object(object), {"object": name}, parameters={"merge": "true"} if merge else None)
 
     def delete_where(self, filter: Json, object: str | None = None) -> int:
-        """Deletes all images (of an object) whose metadata pass, at once or not at all, and says how many."""
-        parameters = _bodies.listing(object=object, filter=filter)
-        return int(self._ask("DELETE", f"{self._base}/images", parameters=parameters)["deleted"])
+        """Deletes all images (of an object) whose metadata pass, at once or not at all, and gives their number."""
+        return int(self._ask("DELETE", f"{self._base}/images", parameters=_given(object=object, filter=filter))["deleted"])
 
     def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
                q: str | None = None, sort: str | None = None) -> Iterator[Json]:
         """All images (of an object), fetched `page` at a time, 1 to 500. filter: only those whose metadata pass. q: only
         those with these words in the id, the object or the file's name. sort: id, created, updated, object or
         source; with a minus downwards."""
-        return self._pages("/images", "images", page, _bodies.listing(object=object, filter=filter, q=q, sort=sort))
+        return self._pages(f"{self._base}/images", "images", page, _given(object=object, filter=filter, q=q, sort=sort))
 
     def objects(self, page: int = 100, *, filter: Json | None = None, q: str | None = None,
                 sort: str | None = None) -> Iterator[Json]:
         """All objects with their numbers of images. sort: object, created, updated or images."""
-        return self._pages("/objects", "objects", page, _bodies.listing(filter=filter, q=q, sort=sort))
+        return self._pages(f"{self._base}/objects", "objects", page, _given(filter=filter, q=q, sort=sort))
+
+    def import_archive(self, path: str | os.PathLike[str], *, object_from: str | None = None, object: str | None = None,
+                       metadata: Json | None = None, wait: bool = True, timeout: float | None = None,
+                       progress: Callable[[Json], object] | None = None) -> Json:
+        """Adds the images of a file: a TAR archive (.tar), whose folders name the objects (object_from: "auto",
+        "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). The client reads the file while it sends it, so
+        the file may be larger than the memory. object and metadata: for all images that do not have their own.
+        The job, as `train` gives it. `job_items` has the result of each image; a refused image does not stop the others."""
+        name = os.fsdecode(os.fspath(path))
+        kind = _ARCHIVES.get(os.path.splitext(name)[1].lower())
+        if kind is None:
+            raise InvalidArgumentError(f"the name of an archive ends in {', '.join(_ARCHIVES)}, not as {name!r}",
+                                       code="archive_type")
+        with open(path, "rb") as file:
+            job = self._ask("POST", f"{self._base}/images:import", body=file, content_type=kind,
+                            parameters=_given(object_from=object_from, object=object, metadata=metadata or None))
+        return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
 
     # Searches
 
     def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
                image_ids: Sequence[str] | None = None, image_url: str | None = None, filter: Json | None = None,
                channels: str = "RGB", **options: Any) -> Json:
-        """The server's answer, `{"hits": [...], "found": ..., ...}`, to an image, to one that the server fetches by its
-        address, to the id of a stored one, or to several ids: images like any of these, those like several first.
-        Stored images are no hits themselves, unless exclude_self=False.
+        """The server's answer, `{"hits": [...], "found": ..., ...}`, to an image, to the address of one that the server
+        fetches, to the id of a stored one, or to several ids: images similar to any of these, those similar to several
+        first. Stored query images are no hits, unless exclude_self=False.
 
         options: offset, group_by, rank, verify, verify_depth, expand, instances, closer_look, region ("x,y,width,height"
         or four numbers), min_score, object, explain, exclude_self.
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:
             raise TypeError("search takes an image, image_url, image_id or image_ids")
-        parameters: Json = {name: _bodies.plain(value) for name, value in options.items() if value is not None}
-        parameters["limit"] = top
-        if filter is not None:
-            parameters["filter"] = json.dumps(filter, allow_nan=False)
-        if image_id is not None or image_ids is not None:
-            stored: Json = {"image_id": image_id} if image_id is not None else {"image_ids": list(image_ids or ())}
-            body, kind = json.dumps(stored).encode(), "application/json"
+        if image_id is not None:
+            query = _json_body({"image_id": image_id})
+        elif image_ids is not None:
+            query = _json_body({"image_ids": list(image_ids)})
         else:
-            body, kind = _bodies.image("search", image, image_url, channels)
-        return self._ask("POST", f"{self._base}/search", parameters=parameters, body=body, content_type=kind, again=True)
+            query = _image_body("search", image, image_url, channels)
+        return self._ask("POST", f"{self._base}/search", parameters=_given(**options, limit=top, filter=filter), again=True,
+                         **query)
 
     def search_batch(self, searches: Sequence[Mapping[str, Any]]) -> list[Json | Error]:
         """Up to 100 searches in one request, each a dict of the server's parameters with one of image (anything that
-        `search` takes), image_id, image_ids and image_url: `{"image": "a.jpg", "limit": 3}`. In their order the
-        answers, or, in place of one that failed, its error: it is not raised, and the others are answered."""
-        body = json.dumps({"searches": [_bodies.search(one) for one in searches]}, allow_nan=False).encode()
-        answer = self._ask("POST", f"{self._base}/search:batch", body=body, content_type="application/json", again=True)
-        return [result["answer"] if "answer" in result else _problems.of_problem(result["status"], result["problem"])
+        `search` takes), image_id, image_ids and image_url: `{"image": "a.jpg", "limit": 3}`. The answers in the same
+        order, or instead of a failed one its error: it is not raised, and the others are answered."""
+        asked = [{**one, "image": _base64(one["image"])} if "image" in one else dict(one) for one in searches]
+        answer = self._ask("POST", f"{self._base}/search:batch", again=True, **_json_body({"searches": asked}))
+        return [result["answer"] if "answer" in result else _transport.problem_error(result["status"], result["problem"])
                 for result in answer["results"]]
 
     def locate(self, image: ImageLike | None, object: str, *, image_url: str | None = None,
                channels: str = "RGB") -> Json:
         """Where a known object is in an image; with None and an image_url, in one that the server fetches."""
-        body, kind = _bodies.image("locate", image, image_url, channels)
-        return self._ask("POST", f"{self._base}/objects/{segment('object', object)}/locate",
-                         body=body, content_type=kind, again=True)
+        return self._ask("POST", self._object(object) + "/locate", again=True,
+                         **_image_body("locate", image, image_url, channels))
 
     def compare(self, first: ImageLike | None = None, second: ImageLike | None = None, *, first_url: str | None = None,
                 second_url: str | None = None, explain: bool = False, channels: str = "RGB") -> Json:
         """Whether two images show the same object, `{"verdict": "found" or "not_found", "probability": ...}`, and where
-        that of the first is in the second ("polygon"). Nothing is stored. Each is an image, or an address that the
-        server fetches it from."""
+        the object of the first is in the second ("polygon"). Nothing is stored. Each is an image, or an address from
+        which the server fetches it."""
         body: Json = {"explain": explain}
         for name, image, url in (("first", first, first_url), ("second", second, second_url)):
             if (image is None) == (url is None):
                 raise TypeError(f"compare takes {name} or {name}_url")
-            body[name] = {"image_url": url} if image is None else {
-                "image": _bodies.as_base64(image, channels)}
-        return self._ask("POST", "/v1/compare", body=json.dumps(body).encode(), content_type="application/json", again=True)
+            body[name] = {"image_url": url} if image is None else {"image": _base64(image, channels)}
+        return self._ask("POST", "/v1/compare", again=True, **_json_body(body))
 
-    # About the server
+    # Vocabularies and background jobs
+
+    def train(self, *, wait: bool = True, timeout: float | None = None,
+              progress: Callable[[Json], object] | None = None, **options: Any) -> Json:
+        """Trains a vocabulary and uses it (options: words, sample, seed, activate). The job: when it is done, or, with
+        `wait=False`, as it begins."""
+        job = self._ask("POST", f"{self._base}/vocabularies", **_json_body(options))
+        return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
+
+    def vocabularies(self) -> list[Json]:
+        """All vocabularies of the collection."""
+        return list(self._ask("GET", f"{self._base}/vocabularies")["vocabularies"])
+
+    def jobs(self) -> list[Json]:
+        """All jobs of the server, newest first."""
+        return list(self._ask("GET", "/v1/jobs")["jobs"])
+
+    def job(self, id: str) -> Json:
+        """A job's state (queued, running, done, failed, cancelled), done, total and failed."""
+        return self._ask("GET", self._job(id))
+
+    def job_items(self, id: str) -> Iterator[Json]:
+        """The result of each image of an `import_archive`: status, and image_id or the problem."""
+        return self._pages(self._job(id) + "/items", "items", 500, {})
+
+    def cancel(self, id: str) -> Json:
+        """Asks a job to stop."""
+        return self._ask("DELETE", self._job(id))
+
+    def wait(self, id: str, *, timeout: float | None = None, progress: Callable[[Json], object] | None = None) -> Json:
+        """The job when it is done; `progress(job)` is called every second. Raises the job's error if it
+        failed, CancelledError, and UnavailableError "timeout" after `timeout` seconds (the job continues)."""
+        end = None if timeout is None else time.monotonic() + timeout
+        pause, patience = 0.05, 0.0
+        while True:
+            asked = time.monotonic()
+            job = self._ask("GET", self._job(id), parameters={"wait": f"{patience:.3f}"})
+            if progress is not None:
+                progress(job)
+            if job["state"] == "done":
+                return job
+            if job["state"] in ("failed", "cancelled"):
+                raise _transport.job_error(job)
+            now = time.monotonic()
+            left = None if end is None else end - now
+            if left is not None and left <= 0:
+                raise UnavailableError(f"job {id} is still {job['state']} after {timeout} s", code="timeout", problem=job)
+            if patience and now - asked < patience:  # a server that does not wait is not asked all the time
+                time.sleep(pause if left is None else min(pause, left))
+                pause = min(2.0, pause * 1.5)
+                left = None if end is None else max(0.0, end - time.monotonic())
+            patience = _LONGEST_S if progress is None else _HEARD_S
+            patience = patience if left is None else min(patience, left)
+
+    # The server
 
     def ready(self) -> bool:
-        """Whether it answers searches; False while it starts. ConnectionFailedError where nobody listens."""
+        """Whether the server answers searches; False while it starts. ConnectionFailedError if nothing listens there."""
         try:
             self._transport.call("GET", "/readyz", patient=False)
         except UnavailableError:
             return False
         return True
 
-    def _get(self, path: str, **parameters: Any) -> Json:
-        return self._ask("GET", path, parameters=parameters)
-
     def _ask(self, method: str, path: str, **request: Any) -> Json:
         document: Json = self._transport.call(method, path, **request).document
         return document
 
-    def _patch(self, path: str, changes: bytes, *, parameters: Json | None = None, if_match: str | None = None) -> Json:
-        return self._ask("PATCH", path, parameters=parameters, body=changes,
-                         content_type="application/merge-patch+json", if_match=if_match)
+    def _patch(self, path: str, changes: Json, **request: Any) -> Json:
+        return self._ask("PATCH", path, body=_json_body(changes)["body"], content_type="application/merge-patch+json",
+                         **request)
 
     def _image(self, id: str) -> str:
         return f"{self._base}/images/{segment('id', id)}"
 
+    def _object(self, object: str) -> str:
+        return f"{self._base}/objects/{segment('object', object)}"
+
+    def _job(self, id: str) -> str:
+        return f"/v1/jobs/{segment('id', id)}"
+
     def _pages(self, path: str, field: str, page: int, parameters: Json) -> Iterator[Json]:
         while True:
-            answer = self._get(self._base + path, limit=page, **parameters)
+            answer = self._ask("GET", path, parameters={"limit": page, **parameters})
             yield from answer[field]
             if answer["next"] is None:
                 return
             parameters = {**parameters, "cursor": answer["next"]}
+
+
+def _given(**parameters: Any) -> Json:
+    """Parameters of an address, without those that were not given."""
+    return {name: _plain(value) for name, value in parameters.items() if value is not None}
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return json.dumps(value, allow_nan=False)
+    if isinstance(value, (tuple, list)):
+        return ",".join(str(item) for item in value)
+    return str(value)
+
+
+def _json_body(document: Json) -> Json:
+    return {"body": json.dumps(document, allow_nan=False).encode(), "content_type": "application/json"}
+
+
+def _image_body(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> Json:
+    if (image is None) == (image_url is None):
+        raise TypeError(f"{what} takes an image or image_url")
+    if image_url is not None:
+        return _json_body({"image_url": image_url})
+    return {"body": _encoded(image, channels), "content_type": "application/octet-stream"}
+
+
+def _encoded(image: ImageLike, channels: str = "RGB") -> bytes:
+    """The bytes to send: of a file, as given, or an array as a PNG (RGB, unless `channels` is "BGR")."""
+    if isinstance(image, (bytes, bytearray, memoryview)):
+        return bytes(image)
+    if isinstance(image, (str, os.PathLike)):
+        with open(image, "rb") as file:
+            return file.read()
+    if hasattr(image, "dtype") and hasattr(image, "shape"):
+        return _transport.png(image, channels)
+    raise TypeError(f"image must be a path, bytes or an array of uint8, not {type(image).__name__}")
+
+
+def _base64(image: ImageLike, channels: str = "RGB") -> str:
+    return base64.b64encode(_encoded(image, channels)).decode("ascii")

@@ -2,20 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The exceptions of Pliant: the same classes whether an error comes from the library or from a server.
 
-Wrong types of arguments are Python's own `TypeError`, files that cannot be opened its `OSError`; all
-else is a subclass of `Error`.
+Arguments of a wrong type raise Python's own `TypeError`, unreadable files its `OSError`; all other
+errors are subclasses of `Error`.
 """
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 
 class Error(Exception):
-    """Base of all.
+    """The base class.
 
     code: a stable word for programs (``"image_truncated"``).
     detail: a sentence for people, which is also ``str(error)``.
-    Of a server's answers only (else None): status (of HTTP), title, parameter (the one at fault),
+    Only for answers of a server (else None): status (of HTTP), title, parameter (with the wrong value),
     request_id (also in the server's log) and retry_after (seconds); `problem` is the whole document.
     """
 
@@ -33,11 +34,7 @@ class Error(Exception):
         self.problem = problem
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore, (type(self), self.detail, {k: v for k, v in self.__dict__.items() if k != "detail"})
-
-
-def _restore(kind: type[Error], detail: str, attributes: dict[str, Any]) -> Error:
-    return kind(detail, **attributes)
+        return functools.partial(type(self), **self.__dict__), ()
 
 
 class InvalidArgumentError(Error, ValueError):
@@ -49,7 +46,7 @@ class NotFoundError(Error, LookupError):
 
 
 class ConflictError(Error):
-    """The state forbids it: another model, a name that is taken, no vocabulary yet."""
+    """The state does not allow this: another model, a name in use, no vocabulary yet."""
 
 
 class CorruptError(Error):
@@ -57,7 +54,7 @@ class CorruptError(Error):
 
 
 class UnsupportedMediaTypeError(Error):
-    """Not a type of image (or of body) that Pliant reads."""
+    """Pliant does not read this type of image (or of body)."""
 
 
 class TooLargeError(Error):
@@ -77,7 +74,7 @@ class NoSpaceError(Error):
 
 
 class CancelledError(Error):
-    """Stopped on request; what was reported as done is done."""
+    """Stopped on request; work that was reported as done is done."""
 
 
 class InternalError(Error):
@@ -85,11 +82,11 @@ class InternalError(Error):
 
 
 class ReadOnlyError(Error):
-    """It may not be written."""
+    """Pliant cannot write to the file or database."""
 
 
 class UnauthorizedError(Error):
-    """A server wants a key, or does not know the one it was shown."""
+    """The server needs a key, or does not know this one."""
 
 
 class ForbiddenError(Error):

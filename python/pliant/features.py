@@ -3,11 +3,10 @@
 """Keypoints and descriptors of an image."""
 from __future__ import annotations
 
-import collections
 import dataclasses
+import functools
 import os
 import pathlib
-import threading
 from typing import Any, Sequence
 
 import numpy as np
@@ -23,7 +22,7 @@ COLUMNS = ("x", "y", "size", "angle", "response", "octave")
 class Features:
     """The N keypoints of one image and their descriptors. The arrays are C-contiguous copies and not writeable.
 
-    keypoints: N x 6 float32, the columns being
+    keypoints: N x 6 float32 with the columns
         x, y: pixels of the original upright image, pixel centres at integers: (0, 0) is the middle of the first pixel;
         size: diameter of the described neighbourhood, in pixels (OpenCV's);
         angle: degrees, 0 to 360, clockwise (y points down), as OpenCV's;
@@ -32,7 +31,7 @@ class Features:
     descriptors: N x D; float32 (Euclidean distance; D = 128 for deal, sift and rootsift, 200 for daisy) or uint8
         (Hamming distance over 8 D bits; D = 32 for orb, 64 for brisk).
     width, height: of that image, in pixels.
-    model_id: which model made the descriptors ("deal:" and 16 hex digits); those of two models cannot be compared.
+    model_id: the model that made the descriptors ("deal:" and 16 hex digits); only descriptors of one model match.
     """
 
     keypoints: npt.NDArray[np.float32]
@@ -84,8 +83,8 @@ class Features:
     @classmethod
     def from_cv(cls, keypoints: Sequence[Any], descriptors: npt.ArrayLike, width: int, height: int,
                 model_id: str = "cv2") -> Features:
-        """Of a sequence of `cv2.KeyPoint` and what `detectAndCompute` gave for them, in an image of width x height
-        pixels. `model_id` says how they were made; matching compares it."""
+        """From a sequence of `cv2.KeyPoint` and the descriptors of `detectAndCompute`, in an image of width x height
+        pixels. `model_id` names the method; matching compares it."""
         rows = np.array([[*k.pt, k.size, k.angle, k.response, k.octave] for k in keypoints], np.float32)
         return cls(rows.reshape(-1, len(COLUMNS)), np.asarray(descriptors), width, height, model_id)
 
@@ -99,7 +98,7 @@ class Features:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Features:
-        """Of a file that `save` or `pliant describe --out x.npz` wrote."""
+        """Reads a file of `save` or `pliant describe --out x.npz`."""
         with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
             if "starts" in file:
                 raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of a folder: use load_folder",
@@ -109,7 +108,7 @@ class Features:
 
     @classmethod
     def load_folder(cls, path: str | os.PathLike[str]) -> dict[str, Features]:
-        """Of a file that `pliant describe DIR --out x.npz` wrote: the features of each image, by its name below DIR."""
+        """Reads a file of `pliant describe DIR --out x.npz`: the features of each image, by its name below DIR."""
         with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
             if "starts" not in file:
                 raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of one image: use load",
@@ -139,8 +138,8 @@ def descriptor_names() -> list[str]:
 
 
 def default_model() -> bytes:
-    """Path of DEAL's weights: $PLIANT_MODEL, else share/pliant below a folder that the package lies in (an installed
-    one, or a build tree); empty where neither is there, and the library then looks beside its programs."""
+    """Path of DEAL's weights: $PLIANT_MODEL, else share/pliant below a parent folder of the package (installed, or a
+    build tree); empty if neither exists: the library then looks beside its programs."""
     given = os.environb.get(b"PLIANT_MODEL", b"")
     if given:
         return given
@@ -152,11 +151,11 @@ def default_model() -> bytes:
 
 
 class Extractor:
-    """Describes images, always in the same way. Making one loads the weights; it may be used by many threads.
+    """Describes images, always in the same way. The constructor loads the weights; many threads can use one extractor.
 
     descriptor: one of `descriptor_names()`.
     model: weight file for deal and its variants; None: the installed one.
-    max_keypoints: the strongest so many are kept, 1 to 4096.
+    max_keypoints: how many of the strongest keypoints are kept, 1 to 4096.
     max_side: larger images are scaled down to this longer side in pixels; 0 = never.
     enlarge_below: an image with fewer keypoints than this is also described at twice its size; 0 = never.
     """
@@ -185,43 +184,34 @@ class Extractor:
         return self._native.dim
 
     def describe(self, image: images.ImageLike, *, channels: str = "RGB", threads: int = 0) -> Features:
-        """Detects keypoints and describes them. `threads`: 0 = one per core; with several images in threads of your
-        own, 1 is faster. An image without keypoints gives N = 0."""
+        """Detects keypoints and describes them. `threads`: 0 = one per core; 1 is faster if your own threads describe
+        several images. An image without keypoints gives N = 0."""
         count = _checks.whole("threads", threads, 0, 1024)
         if isinstance(image, np.ndarray):
             return Features(*self._native.describe_array(images.pixels(image, channels), count))
         return Features(*self._native.describe_bytes(images.encoded(image), count))
 
 
-_extractors: collections.OrderedDict[tuple[Any, ...], Extractor] = collections.OrderedDict()
-_extractors_lock = threading.Lock()
-_KEPT = 4
+@functools.lru_cache(maxsize=4)
+def _extractor(descriptor: str, model: bytes, stamp: tuple[int, ...], max_keypoints: int, max_side: int,
+               enlarge_below: int) -> Extractor:
+    return Extractor(descriptor, model=os.fsdecode(model) or None, max_keypoints=max_keypoints, max_side=max_side,
+                     enlarge_below=enlarge_below)
 
 
 def describe(image: images.ImageLike, *, descriptor: str = "deal", model: str | os.PathLike[str] | None = None,
              max_keypoints: int = 1024, max_side: int = 1024, enlarge_below: int = 0, channels: str = "RGB",
              threads: int = 0) -> Features:
-    """Keypoints and descriptors of an image, the same that `pliant describe` writes.
+    """Keypoints and descriptors of an image, as `pliant describe` writes them.
 
-    image, channels: see `pliant.images`. The other arguments are those of `Extractor`; the last few extractors are
-    kept, so that weights are loaded once. Raises UnsupportedMediaTypeError, UnprocessableError and TooLargeError for
+    image, channels: see `pliant.images`. The other arguments are those of `Extractor`; the last four extractors stay in
+    memory, so that weights are loaded once. Raises UnsupportedMediaTypeError, UnprocessableError and TooLargeError for
     images, OSError for files.
     """
-    key = (_checks.text("descriptor", descriptor), default_model() if model is None else _checks.path("model", model),
-           _checks.whole("max_keypoints", max_keypoints, 1, 4096), _checks.whole("max_side", max_side),
-           _checks.whole("enlarge_below", enlarge_below))
-    stamp = _stamp(key[1])
-    with _extractors_lock:
-        known = _extractors.pop((key, stamp), None)
-        if known is not None:
-            _extractors[key, stamp] = known
-    if known is None:
-        known = Extractor(descriptor, model=model, max_keypoints=max_keypoints, max_side=max_side,
-                          enlarge_below=enlarge_below)
-        with _extractors_lock:
-            _extractors[key, stamp] = known
-            while len(_extractors) > _KEPT:
-                _extractors.popitem(last=False)
+    file = default_model() if model is None else _checks.path("model", model)
+    known = _extractor(_checks.text("descriptor", descriptor), file, _stamp(file),
+                       _checks.whole("max_keypoints", max_keypoints, 1, 4096), _checks.whole("max_side", max_side),
+                       _checks.whole("enlarge_below", enlarge_below))
     return known.describe(image, channels=channels, threads=threads)
 
 

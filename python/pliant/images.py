@@ -4,8 +4,8 @@
 
 - `str` or `os.PathLike`: a file of JPEG, PNG, WebP, BMP or TIFF (the content counts, not the name);
 - `bytes`, `bytearray` or `memoryview`: the content of such a file;
-- an array of `uint8`, H x W (grey) or H x W x 3: red, green, blue, unless `channels="BGR"` says that it comes
-  from OpenCV. Any memory layout; it is copied.
+- an array of `uint8`, H x W (grey) or H x W x 3: red, green, blue, or OpenCV's order with `channels="BGR"`. Any
+  memory layout; the function copies it.
 """
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""A searchable collection of images in one database file, the same that `pliant` and `pliant-server` use."""
+"""A searchable collection of images in one database file, as `pliant` and `pliant-server` use it."""
 from __future__ import annotations
 
 import json
@@ -21,14 +21,13 @@ class Index:
     Writes are durable when a call returns. A `with` block closes it; calls on a closed one raise InvalidArgumentError
     ("closed").
 
-    db: the file; made if it does not exist and `create`.
-    collection: made if it does not exist and `create`; "default" is always there.
-    descriptor: of a new database; empty: that of an existing one, deal for a new one. Another one than the database's
-        is ConflictError "model_mismatch".
+    db: the file; created if it does not exist and `create`.
+    collection: created if it does not exist and `create`; "default" always exists.
+    descriptor: of a new database, deal by default. ConflictError "model_mismatch" if an existing database has another.
     model: weight file for deal; None: the installed one.
-    max_keypoints, max_side: how the images of a new database are described (1024 and 1024 pixels). Other values than
-        those of an existing one are ConflictError "extraction_mismatch".
-    keep_originals: also stores the images' bytes, for `content`; in `originals_dir` if that is given.
+    max_keypoints, max_side: how a new database describes its images (1024 and 1024 pixels). ConflictError
+        "extraction_mismatch" if an existing database has other values.
+    keep_originals: also stores the images' bytes, for `content`; in `originals_dir` if given.
     busy_timeout: seconds to wait for another process's write, before UnavailableError.
     """
 
@@ -64,10 +63,10 @@ class Index:
             threads: int = 0) -> records.Image:
         """Adds an image. An array is stored as a PNG.
 
-        object: what it shows; searches group by it. metadata: anything that JSON can hold, for filters.
-        id: an existing one is replaced. None: a new image gets one made of its bytes; bytes that are stored already
+        object: the object in the image; searches group by it. metadata: anything that JSON can hold, for filters.
+        id: an existing image is replaced. None: a new image gets an id made of its bytes; bytes that are stored already
             are "unchanged", with another object or other metadata ConflictError "same_bytes".
-        Raises what `describe` raises, UnprocessableError "too_few_features" for images without texture.
+        Raises what `describe` raises, and UnprocessableError "too_few_features" for images without texture.
         """
         if source is None:
             source = ""
@@ -84,8 +83,8 @@ class Index:
         """Adds all images below the folders, one thread each, as `pliant index` does, but trains no vocabulary.
 
         object_from: "folder" (the folder's name), "stem" (the file's), "none", or "auto" for the likelier of the first
-        two. progress(done, total) is called from other threads; what it raises stops the work. Images that are
-        stored already are skipped, so it can be repeated. Ctrl-C raises KeyboardInterrupt; what was added stays.
+        two. Other threads call progress(done, total); an exception from it stops the work. Stored images are skipped,
+        so the call can be repeated. Ctrl-C raises KeyboardInterrupt; the images added so far stay.
         """
         report = json.loads(self._native.add_folders([_checks.path("folder", folder) for folder in folders],
                                                      _checks.text("object_from", object_from),
@@ -107,8 +106,8 @@ class Index:
 
     def update(self, id: str, *, object: str | None = None, metadata: dict[str, Any] | None = None,
                source: str | None = None) -> records.Image:
-        """Changes what an image is called or known by, without describing it anew, and gives its record. What is left
-        out stays; object="": it shows no object any more. metadata is merged key by key, and None removes a key."""
+        """Changes an image's object, metadata or source without describing it again, and gives its record. Omitted
+        values stay; object="" removes the object. metadata is merged key by key, and None removes a key."""
         if object is None and metadata is None and source is None:
             raise TypeError("nothing to change: give object, metadata, source")
         return records.image(json.loads(self._native.change(
@@ -117,16 +116,16 @@ class Index:
             None if source is None else _checks.text("source", source))))
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> int:
-        """Gives an object another name, with all its images at once, and says how many it has now. Where another one
-        has the name, ConflictError "object_exists", or, with merge=True, both become one."""
+        """Gives an object another name, with all its images at once, and returns the number of its images now. If another
+        object has the name, ConflictError "object_exists", or, with merge=True, both become one."""
         return self._native.rename_object(_checks.text("object", object), _checks.text("name", name), bool(merge))
 
     def remove(self, id: str) -> bool:
-        """Removes an image from the file and from all searches that follow. False: it was not there."""
+        """Removes an image from the file and from all later searches. False: there was none."""
         return self._native.remove(_checks.text("id", id))
 
     def remove_object(self, object: str) -> int:
-        """Removes all images of an object, and says how many these were."""
+        """Removes all images of an object, and returns their number."""
         return self._native.remove_object(_checks.text("object", object))
 
     def __len__(self) -> int:
@@ -144,7 +143,7 @@ class Index:
         return self.images()
 
     def images(self, object: str | None = None) -> Iterator[records.Image]:
-        """All images (of an object) in order of their ids, read in pages: others may add and remove meanwhile."""
+        """All images (of an object) in order of their ids, read in pages: others can add and remove meanwhile."""
         wanted = None if object is None else _checks.text("object", object)
         after = ""
         while True:
@@ -172,15 +171,15 @@ class Index:
         collection has grown a few times larger.
 
         words: 0 = a tenth of the sample. sample: descriptors drawn at random; 0 = chosen by the collection's size.
-        progress(share of 1) is called from another thread; what it raises stops the training. Ctrl-C does, too, and
-        leaves the vocabularies as they were.
+        Another thread calls progress(share of 1); an exception from it stops the training, as Ctrl-C does. The
+        vocabularies then stay as they were.
         """
         return records.vocabulary(json.loads(self._native.train(
             _checks.whole("words", words), _checks.whole("sample", sample), _checks.whole("seed", seed, 0, 2**64 - 1),
             _checks.whole("threads", threads, 0, 1024), progress)))
 
     def vocabularies(self) -> list[records.Vocabulary]:
-        """All of the collection."""
+        """All vocabularies of the collection."""
         return [records.vocabulary(document) for document in json.loads(self._native.vocabularies())]
 
     def use(self, vocabulary: int) -> None:
@@ -193,21 +192,20 @@ class Index:
                **options: Any) -> records.SearchResult:
         """Which objects does the image show? The best `top` hits; 0 = all.
 
-        image: as everywhere, or Features of the index's own model.
+        image: see `pliant.images`, or Features of the index's own model.
         options:
             offset: hits to leave out before the first.
             group_by: "object" (each once, by its best image) or "image".
             rank: "neighbours" or "histogram".
-            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images that are verified, 0 = 30
-                and up to 100, or the square root of their number, as far as there are some that agree, and twice that
-                where none agrees; expand: query expansion through so many verified images, None = 3 by image, 0 by
-                object; instances: of one object that are looked for, 4.
-            closer_look: where nothing is found, the image is described once more at a finer scale, and the surer
-                answer is given (True); not with Features.
-            region: (x, y, width, height) in pixels of the query: only this part is looked at, in more of its own pixels.
-            min_score: 0 to 1. object: only images of it. filter: conditions on metadata, such as
+            verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images to verify, 0 = adaptive, 30
+                to 100 and more in large collections; expand: number of verified images for query expansion, None = 3
+                by image, 0 by object; instances: places of one object to look for, 4.
+            closer_look: if nothing is found, a second pass at high resolution, and the surer answer (True); not with
+                Features.
+            region: (x, y, width, height) in pixels of the query: searches only this part, at its full resolution.
+            min_score: 0 to 1. object: only its images. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
-                exists, and filters are joined by "and": [...], "or": [...] and "not": {...}.
+                exists; "and": [...], "or": [...] and "not": {...} join filters.
             explain: adds the matches and the warp to each hit.
             threads: 0 = one per core.
         Raises ConflictError "no_vocabulary" before the first `train`, UnprocessableError "too_few_features".
@@ -225,7 +223,7 @@ class Index:
     # Upkeep
 
     def check(self) -> list[str]:
-        """Every invariant of the database; empty = sound, else a sentence for each problem."""
+        """Checks every invariant of the database; empty = sound, else a sentence for each problem."""
         return list(self._native.check())
 
     def backup(self, path: str | os.PathLike[str]) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Iterator, NamedTuple, Union
+from typing import Any, Iterator, NamedTuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -50,17 +50,17 @@ class Warp:
 
     @property
     def bending_energy(self) -> float:
-        """0 for an affine map, more the more it bends; without a unit, whatever the images' sizes."""
+        """0 for an affine map, larger for stronger bending; without a unit, independent of the images' sizes."""
         return self._native.bending_energy
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verification:
-    """What `verify` found; `inliers, warp = verify(a, b)` works, too.
+    """The result of `verify`; `inliers, warp = verify(a, b)` works, too.
 
-    inliers: K x 2 int64, the matches that agree with the warp (rows of a and of b); K = 0 where there is no warp.
-    warp: from image a to image b; None when the matches agree on none.
-    failure: why there is none: too few matches, no agreement, and so on; None when there is a warp.
+    inliers: K x 2 int64, the matches that agree with the warp (rows of a and of b); K = 0 without a warp.
+    warp: from image a to image b; None if the matches agree on none.
+    failure: why there is no warp (too few matches, no agreement, ...); None if there is one.
     matches: how many matches were tested.
     """
 
@@ -118,9 +118,7 @@ def _pairs(matches: Matches | npt.ArrayLike) -> npt.NDArray[np.int64]:
         return np.empty((0, 2), np.int64)
     if array.dtype.kind not in "iu":
         raise TypeError(f"matches must be whole numbers, not {array.dtype}")
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise InvalidArgumentError(f"matches must be M x 2, not {' x '.join(map(str, array.shape))}", code="array_shape")
-    return np.ascontiguousarray(array, np.int64)
+    return _two_columns("matches", "M", array, np.int64)
 
 
 def _points(name: str, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -129,6 +127,10 @@ def _points(name: str, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
         raise TypeError(f"{name} must be numbers, not {array.dtype}")
     if array.shape == (2,):
         array = array.reshape(1, 2)
+    return _two_columns(name, "N", array, np.float64)
+
+
+def _two_columns(name: str, rows: str, array: npt.NDArray[Any], dtype: type[Any]) -> npt.NDArray[Any]:
     if array.ndim != 2 or array.shape[1] != 2:
-        raise InvalidArgumentError(f"{name} must be N x 2, not {' x '.join(map(str, array.shape))}", code="array_shape")
-    return np.ascontiguousarray(array, np.float64)
+        raise InvalidArgumentError(f"{name} must be {rows} x 2, not {' x '.join(map(str, array.shape))}", code="array_shape")
+    return np.ascontiguousarray(array, dtype)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an index answers. Plain values; coordinates are pixels of original upright images, centres at integers."""
+"""Records and answers of an index. Plain values; coordinates are pixels of original upright images, centres at integers."""
 from __future__ import annotations
 
 import dataclasses
@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A stored image. `outcome` is set by `Index.add` alone: "created", "replaced" or "unchanged"."""
+    """A stored image. Only `Index.add` sets `outcome`: "created", "replaced" or "unchanged"."""
 
     id: str
-    object: str  # what it shows; may be empty
+    object: str  # in the image; "" = none
     metadata: dict[str, Any]
-    source: str  # file name as given, for people; may be empty
+    source: str  # file name as given, for people; "" = none
     width: int
     height: int
     keypoints: int
@@ -32,7 +32,7 @@ class Image:
 
 @dataclasses.dataclass(frozen=True)
 class Vocabulary:
-    """The visual words that a collection is searched by."""
+    """The visual words of a collection's searches."""
 
     id: int
     words: int
@@ -40,7 +40,7 @@ class Vocabulary:
     model_id: str
     method: str
     seed: int
-    sampled: int  # descriptors it was trained from, of `available`
+    sampled: int  # descriptors of the training, of `available`
     available: int
     loss: float  # mean distance of a descriptor from its word
     created_at: str
@@ -61,21 +61,20 @@ class Hit:
     rank: int  # from 1
     object: str | None
     score: float  # 0 to 1
-    probability: float | None  # that the hit is right; None where it is not known
+    probability: float | None  # that the hit is right; None = unknown
     image_id: str
-    inliers: int  # matches that agree on one warp; 0 when not verified
+    inliers: int  # matches that agree on one warp; 0 without verification
     polygon: npt.NDArray[np.float64] | None  # K x 2, outline of the object in the query, not closed
     instances: list[Instance]
-    via: str | None  # id of the image through which query expansion found it
+    via: str | None  # id of the image through which query expansion found the hit
     metadata: dict[str, Any]
     explain: dict[str, Any] | None  # as the HTTP interface gives it, with explain=True
 
 
 class SearchResult(list["Hit"]):
-    """The hits, best first, and about the search: `total` hits over all pages; `verdict`, "found", "undecided" (one of
-    several objects that are alike) or "not_found", whether what the image shows is in the collection; `found`, how many hits have a probability of 0.9 or more (both None where
-    hits have none); `document`, the whole answer as `pliant query --json`
-    prints it (took_ms, timings, vocabulary, ...)."""
+    """The hits, best first. `total`: hits over all pages. `verdict`: "found", "undecided" (one of several similar
+    objects) or "not_found". `found`: hits with a probability of 0.9 or more. Both are None for hits without a
+    probability. `document`: the whole answer as `pliant query --json` prints it (took_ms, timings, vocabulary, ...)."""
 
     def __init__(self, document: dict[str, Any]) -> None:
         super().__init__(_hit(hit) for hit in document["hits"])
@@ -87,7 +86,7 @@ class SearchResult(list["Hit"]):
 
 @dataclasses.dataclass(frozen=True)
 class FolderReport:
-    """What `Index.add_folder` did. skipped: (file, code, reason) of each image that was refused."""
+    """The result of `Index.add_folder`. skipped: (file, code, reason) of each refused image."""
 
     indexed: int
     unchanged: int

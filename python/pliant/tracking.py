@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tracking of one object through the frames of a video while it bends. Every frame is processed by itself, so an
-object that was lost is found again."""
+"""Tracking of one object through the frames of a video while it bends. Every frame is processed by itself, so the
+tracker finds a lost object again."""
 from __future__ import annotations
 
 import dataclasses
@@ -23,9 +23,9 @@ class TrackedFrame:
     """Where the object is in one frame. Coordinates are pixels, centres at integers.
 
     number: of the frame, from 0. time_s: since the first frame; None where it is not known. file: its name in a folder.
-    found: whether the object is there; reason: a stable word that says why not, else None.
-    on_template, in_frame: K x 2 each, the matches that agree on a warp, also when the object counts as lost.
-    matches: how many there were to agree; keypoints: of the frame.
+    found: whether the object is there; reason: a stable word for why not, else None.
+    on_template, in_frame: K x 2 each, the inliers of the warp, also when the object counts as lost.
+    matches: how many were tested; keypoints: of the frame.
     warp: from the template (the region of the reference) to the frame; outline: K x 2 in the frame, not closed;
     mesh: as `pliant track --json` prints it. None when lost.
     """
@@ -45,7 +45,7 @@ class TrackedFrame:
 
     @property
     def inlier_rate(self) -> float:
-        """Matches that agree, of all; 0 without matches."""
+        """Share of inliers among the matches; 0 without matches."""
         return len(self.on_template) / self.matches if self.matches else 0.0
 
 
@@ -102,11 +102,11 @@ class Tracker:
 
 def track(reference: images.ImageLike | Tracker, frames: str | os.PathLike[str] | Iterable[images.ImageLike], *,
           every: int = 1, channels: str = "RGB", **options: Any) -> Iterator[TrackedFrame]:
-    """The object of `reference` in each frame, one after the other, as they are asked for.
+    """The object of `reference` in each frame, one after the other, as the caller asks for them.
 
     frames: a video file, a folder of images (in natural order of their names), or any iterable of images.
     every: only frames 0, every, 2 every, ... options: those of `Tracker`; or pass a Tracker as `reference`.
-    Raises what Tracker raises at once; what concerns a frame when that is reached.
+    Raises the errors of Tracker at once, the errors of a frame when that frame is reached.
     """
     step = _checks.whole("every", every, 1)
     if isinstance(reference, Tracker):

@@ -2,50 +2,31 @@
 // SPDX-License-Identifier: Apache-2.0
 // The view for adding images: many at once, each with its object's name.
 import * as api from "./api.js";
-import { byId, count, fileSize, make, say, shorten, smallButton } from "./dom.js";
-import { renameOffer } from "./edit.js";
+import { byId, count, eachOf, fileSize, make, onSubmit, say, shorten, smallButton } from "./dom.js";
 import { offerObjectNames } from "./filters.js";
-import { refreshHeader } from "./header.js";
 import { accept, fileAt, readable } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName, kLongestName } from "./names.js";
 import { isLeaving, notify, settle } from "./undo.js";
 
 const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed = "failed";
-const kThumbPx = 128;
 const kAtOnce = 2;  // the server describes images one after the other anyway
 
 // --- one image of the list: its preview, its object's name, its progress
 
-// One after the other, and only those in view: images of 12 megapixels take time. Slow previews from the web do not hold
-// up the others.
-const painting = { here: Promise.resolve(), elsewhere: Promise.resolve() };
-const watcher = new IntersectionObserver((entries) => {
-  for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
-    watcher.unobserve(target);
-    const { place } = target;
-    painting[place] = painting[place].then(() => target.isConnected && target.paint()).catch((error) => {
-      target.classList.add("blank");
-      target.unseen(error);
-    });
-  }
-});
-
 // unseen(error) is called if there is no preview.
 function thumbnailOf(file, unseen) {
-  const canvas = make("canvas", { class: "upload-thumb", width: 1, height: 1, role: "img", "aria-label": `Preview of ${file.name}` });
-  return Object.assign(canvas, { place: file.address ? "elsewhere" : "here", unseen, async paint() {
-    const bytes = file.address ? await api.previewBlob(file.address) : file;
-    const bitmap = await createImageBitmap(bytes, { resizeHeight: kThumbPx, resizeQuality: "medium" });
-    canvas.width = bitmap.width;
-    canvas.height = bitmap.height;
-    canvas.getContext("2d").drawImage(bitmap, 0, 0);
-    bitmap.close();
-  } });
+  const image = make("img", { class: "upload-thumb", alt: "", decoding: "async" });
+  image.addEventListener("error", ({ error }) => {
+    image.replaceWith(make("span", { class: "upload-thumb" }));
+    unseen(error);
+  }, { once: true });
+  api.showBlob(image, () => (file.address ? api.previewBlob(file.address) : file));
+  return image;
 }
 
-// `name`: the object's default name. onRemove(item) is called when the item leaves the list.
-function makeItem(file, name, onRemove) {
+// `name`: the object's default name.
+function makeItem(file, name) {
   const input = make("input", { type: "text", maxlength: kLongestName, autocomplete: "off", value: name, placeholder: "no name",
                                 list: "object-names", "aria-label": `Object in ${file.name}`, oninput: () => { item.typed = true; } });
   const bar = make("progress", { max: 1, value: 0, "aria-label": `Progress of ${file.name}` });
@@ -54,16 +35,16 @@ function makeItem(file, name, onRemove) {
     const neighbour = row.nextElementSibling ?? row.previousElementSibling;
     row.remove();
     (neighbour?.querySelector("button:not([hidden])") ?? byId("add-clear")).focus();
-    onRemove(item);
+    items = items.filter((one) => one !== item);
+    showTotal();
   }, { class: "small", "aria-label": `Remove ${file.name} from the list` });
-  const thumbnail = thumbnailOf(file, ({ message }) => {  // the browser's message on a file helps nobody
-    if (file.address && item.state === kWaiting) note.textContent = `from the web; no preview: ${message}`;
+  const thumbnail = thumbnailOf(file, (error) => {
+    if (error && item.state === kWaiting) note.textContent = `from the web; no preview: ${error.message}`;
   });
   const row = make("li", {}, thumbnail, input, make("span", { class: "file-name quiet", text: shorten(file.name), title: file.name }), note, bar, remove);
   const item = { file, input, bar, note, remove, row, state: kWaiting, proposed: name, typed: false };
   row.dataset.state = kWaiting;
   byId("add-list").append(row);
-  watcher.observe(thumbnail);
   return item;
 }
 
@@ -84,24 +65,15 @@ let stopper = null;  // AbortController while uploads run
 
 const inState = (state) => items.filter((item) => item.state === state);
 
-// The path from the chosen folder; files directly in that folder have its name.
-function folderOf(file) {
-  const [chosen, ...below] = (file.webkitRelativePath || "").split("/").slice(0, -1);
-  return below.join("/") || chosen || "";
-}
-
 const commonName = () => byId("add-object").value.trim();
 
 // found: [{ file, folder }]
 function enqueue(found) {
   const taken = items.map(nameOf);
   for (const { file, folder } of found.filter((one) => !one.file.name.startsWith("."))) {
-    const name = defaultName(file, folder || folderOf(file), taken);
+    const name = defaultName(file, folder, taken);
     taken.push(name);
-    items.push(makeItem(file, name, (gone) => {
-      items = items.filter((item) => item !== gone);
-      showTotal();
-    }));
+    items.push(makeItem(file, name));
   }
   giveCommonName();
   say(byId("add-status"), "");
@@ -146,18 +118,21 @@ function showTotal() {
 // Whether someone typed the name.
 const wasNamed = (item) => item.typed || Boolean(commonName());
 
-// The image is stored under another name than was typed.
-function offerRename(item, id, labels, collection) {
+// The image is stored under another name than was typed: a button gives it that name.
+function offerRename(item, id, metadata, collection) {
   const object = wasNamed(item) ? nameOf(item) : "";
-  item.note.append(" ", renameOffer({
-    id, collection, object, metadata: labels,
-    done() {
+  item.note.append(" ", smallButton(object ? `Rename to ${object}` : "Use these labels", async ({ target }) => {
+    target.disabled = true;
+    try {
+      if (object) await settle(api.objectPath(object, collection));
+      await api.patch(api.imagePath(id, "", collection), { ...(object && { object }), ...(metadata && { metadata }) });
       item.known = true;
       setState(item, kDone, object ? `renamed to ${object}` : "labels changed");
       showTotal();
       offerObjectNames();
-    },
-    failed(error) { setState(item, kFailed, error.message); },
+    } catch (error) {
+      setState(item, kFailed, error.message);
+    }
   }));
 }
 
@@ -226,10 +201,7 @@ async function sendAll() {
   showTotal();
   say(byId("add-status"), `Adding ${count(queue.length, "image")}…`);
   byId("add-stop").focus();
-  const worker = async () => {
-    for (let item; !signal.aborted && (item = queue.shift());) await send(item, labels, collection);
-  };
-  await Promise.all(Array.from({ length: kAtOnce }, worker));
+  await eachOf(queue, async (item) => { if (!signal.aborted) await send(item, labels, collection); }, kAtOnce);
   stopper = null;
   showTotal();
   const failed = inState(kFailed).length;
@@ -237,12 +209,10 @@ async function sendAll() {
   if ([byId("add-stop"), document.body].includes(document.activeElement)) {
     byId(failed ? "add-retry" : byId("add-next").hidden ? "add-clear" : "add-next").focus();
   }
-  refreshHeader();
   offerObjectNames();
 }
 
-byId("add-form").addEventListener("submit", (event) => {
-  event.preventDefault();
+onSubmit(byId("add-form"), () => {
   if (!stopper && inState(kWaiting).length) sendAll();
 });
 byId("add-stop").addEventListener("click", () => stopper?.abort());

@@ -97,7 +97,6 @@ export async function ask(path, options) {
 }
 export const askJson = (path, method, body) => ask(path, { method, headers: kJson, body: JSON.stringify(body) });
 export const deletePath = (path) => ask(path, { method: "DELETE" });
-export const plainText = async (path) => (await answerTo(path)).text();
 export const blobOf = async (path, options) => (await answerTo(path, options)).blob();
 // A small preview of an image elsewhere, which the server fetches.
 export const previewBlob = (url) => blobOf("/v1/preview", { method: "POST", headers: kJson, body: JSON.stringify({ image_url: url }) });
@@ -128,48 +127,54 @@ export const downloadLink = (path, name, status, properties) => make("a", { href
 
 // Shows a stored image in an <img>. With a key the page fetches it, because an <img> sends no key.
 export function showImage(image, path) {
-  if (!getKey()) {
-    image.src = path;
-    return;
-  }
-  const load = async () => {
-    const url = URL.createObjectURL(await blobOf(path));
-    image.addEventListener("load", () => URL.revokeObjectURL(url), { once: true });
-    image.src = url;
-  };
-  const watcher = new IntersectionObserver((entries) => {
+  if (getKey()) showBlob(image, () => blobOf(path));
+  else image.src = path;
+}
+
+// Shows the Blob that load() gives once the <img> is in view. If there is none, its "error" event has the reason.
+export function showBlob(image, load) {
+  const watcher = new IntersectionObserver(async (entries) => {
     if (!entries.some((entry) => entry.isIntersecting)) return;
     watcher.disconnect();
-    load().catch(() => image.dispatchEvent(new Event("error")));
+    try {
+      const url = URL.createObjectURL(await load());
+      image.addEventListener("load", () => URL.revokeObjectURL(url), { once: true });
+      image.src = url;
+    } catch (error) {
+      image.dispatchEvent(new ErrorEvent("error", { error }));
+    }
   });
   watcher.observe(image);
 }
 
+// Fields of a request as a multipart form.
+function formOf(fields) {
+  const form = new FormData();
+  for (const [name, value] of Object.entries(fields)) {
+    form.append(name, Array.isArray(value) ? value.join() : value instanceof File || typeof value !== "object" ? value : JSON.stringify(value));
+  }
+  return form;
+}
+
 // query: { file }, { id } of a stored image, or { url } that the server fetches. settings: the parameters of a search.
 export function search(query, settings, signal) {
-  if (query.id || query.url) {
-    const body = JSON.stringify({ ...(query.id ? { image_id: query.id } : { image_url: query.url }), ...settings });
-    return ask(address("/search"), { method: "POST", signal, headers: kJson, body });
-  }
-  const form = new FormData();
-  for (const [name, value] of Object.entries(settings)) {
-    form.append(name, Array.isArray(value) ? value.join() : typeof value === "object" ? JSON.stringify(value) : value);
-  }
-  form.append("image", query.file);
-  return ask(address("/search"), { method: "POST", body: form, signal });
+  if (query.file) return ask(address("/search"), { method: "POST", signal, body: formOf({ ...settings, image: query.file }) });
+  const body = JSON.stringify({ ...(query.id ? { image_id: query.id } : { image_url: query.url }), ...settings });
+  return ask(address("/search"), { method: "POST", signal, headers: kJson, body });
 }
 
 // Where an object is in a camera frame. Asked once: the next frame is better than a late answer.
 export const locate = async (object, file) => (await answerOf(`${objectPath(object)}/locate`, {
   method: "POST", headers: { "Content-Type": file.type }, body: file })).json();
 
-// fetch() tells nothing of the progress of an upload.
-const sendForm = (path, form, onProgress, signal) => new Promise((done, fail) => {
+// fetch() tells nothing of the progress of an upload. body: a form, or an object to send as JSON.
+const upload = (path, body, onProgress, signal) => new Promise((done, fail) => {
   const request = new XMLHttpRequest();
   const stop = () => request.abort();
   request.open("POST", path);
   request.responseType = "json";
-  for (const [name, value] of Object.entries(keyHeaders())) request.setRequestHeader(name, value);
+  const isForm = body instanceof FormData;
+  for (const [name, value] of Object.entries({ ...keyHeaders(), ...(!isForm && kJson) })) request.setRequestHeader(name, value);
   request.upload.onprogress = (event) => onProgress(event.loaded / event.total);
   request.onload = () => {
     signal.removeEventListener("abort", stop);
@@ -180,24 +185,13 @@ const sendForm = (path, form, onProgress, signal) => new Promise((done, fail) =>
   request.onabort = () => fail(stopped());
   signal.addEventListener("abort", stop, { once: true });
   if (signal.aborted) fail(stopped());
-  else request.send(form);
+  else request.send(isForm ? body : JSON.stringify(body));
 });
-
-async function sendAddress(path, image, signal) {
-  const answer = await answerOf(path, { method: "POST", signal, body: JSON.stringify(image), headers: kJson });
-  return { created: answer.status === 201, image: await answer.json() };
-}
 
 // Uploads an image, or lets the server fetch it from file.address. onProgress gets 0..1 of the bytes sent, onWait the
 // seconds of a pause that the server asked for.
 export function addImage({ file, object, metadata, collection }, { onProgress, onWait, signal }) {
-  const path = address("/images", collection);
-  if (file.address) {
-    return patiently(() => sendAddress(path, { image_url: file.address, object, ...(metadata && { metadata }) }, signal), onWait, signal);
-  }
-  const form = new FormData();
-  form.append("object", object);
-  if (metadata) form.append("metadata", JSON.stringify(metadata));
-  form.append("image", file);
-  return patiently(() => sendForm(path, form, onProgress, signal), onWait, signal);
+  const fields = { object, ...(metadata && { metadata }) };
+  const body = file.address ? { ...fields, image_url: file.address } : formOf({ ...fields, image: file });
+  return patiently(() => upload(address("/images", collection), body, onProgress, signal), onWait, signal);
 }

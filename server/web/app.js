@@ -12,14 +12,21 @@ import { addView, showing, startRouter, whenCollectionChanges } from "./router.j
 import { searchView } from "./search.js";
 import { notify } from "./undo.js";
 
-// A view whose files are fetched at first use. load() gives the view.
-function addLater(name, title, load) {
+addView("search", searchView);
+addView("add", add);
+addView("objects", objectsView);
+addView("images", imagesView);
+addView("object", objectView);
+addView("collection", collectionView);
+
+// The files of these views are fetched at first use. Each exports show and perhaps hide.
+for (const name of ["image", "camera", "keys", "status"]) {
   let view = null;
   addView(name, {
-    title,
+    title: name[0].toUpperCase() + name.slice(1),
     async show(...given) {
       try {
-        view ??= await load();
+        view ??= await import(`./${name}.js`);
       } catch {
         notify("A part of this page could not be loaded. Check that the server is running, and reload the page.", true);
         return;
@@ -29,17 +36,6 @@ function addLater(name, title, load) {
     hide() { view?.hide?.(); },
   });
 }
-
-addView("search", searchView);
-addView("add", add);
-addView("objects", objectsView);
-addView("images", imagesView);
-addView("object", objectView);
-addView("collection", collectionView);
-addLater("image", "Image", async () => (await import("./image.js")).imageView);
-addLater("camera", "Camera", async () => (await import("./camera.js")).cameraView);
-addLater("keys", "Keys", async () => (await import("./keys.js")).keysView);
-addLater("status", "Status", async () => (await import("./status.js")).statusView);
 
 // A file that misses the drop area must not replace the page.
 for (const type of ["dragover", "drop"]) addEventListener(type, (event) => event.preventDefault());

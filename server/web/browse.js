@@ -1,33 +1,148 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Objects and images, in lists without an end, and the page of an object.
+// Objects and images in lists without an end, the form above each list, and the page of an object.
 import * as api from "./api.js";
 import { deleteHereButton, imageCard, objectCard } from "./cards.js";
-import { byId, count, make, say } from "./dom.js";
+import { byId, count, make, makeButton, onSubmit, say } from "./dom.js";
 import { renameButton } from "./edit.js";
-import { makeFinder, makeList } from "./list.js";
-import { link, makeBackLink, setTitle, showCurrent, showing } from "./router.js";
+import { link, makeBackLink, replaceAddress, setTitle, showCurrent, showing } from "./router.js";
 import { makeSelection } from "./select.js";
 import { isLeaving } from "./undo.js";
+
+const kPage = 24;
+const kMost = 500;      // items in one answer of the server
+const kNear = "600px";  // distance of the list's end from the window's edge
+const kPauseMs = 250;   // after the last letter
+
+// Makes a toolbar and a list at the end of the view. fetchPage(parameters, cursor, limit) gives { items, next }; card(item)
+// an element, or null for an item that is being deleted; none(parameters) gives words or an element for an empty list.
+function makeList({ place, label, fetchPage, onTotal = () => {}, card, none }) {
+  const bar = make("div", { id: `${place}-bar`, class: "toolbar" });
+  const status = make("p", { id: `${place}-status`, class: "status", role: "status" });
+  const list = make("ul", { id: `${place}-list`, class: "cards", "aria-label": label });
+  const more = makeButton("Show more", extend, { id: `${place}-more`, hidden: true });
+  byId(`view-${place}`).append(bar, status, list, make("p", { class: "more" }, more));
+  let parameters = {};
+  let next = null;    // cursor of the server
+  let fetched = 0;    // items so far
+  let latest = 0;     // drops an answer that comes too late
+
+  async function fetch(cursor, limit) {
+    const number = ++latest;
+    observer.unobserve(more);  // a failed page is fetched again on request only
+    list.setAttribute("aria-busy", "true");
+    more.hidden = true;
+    try {
+      const page = await fetchPage(parameters, cursor, limit);
+      if (number !== latest) return null;
+      if (!cursor) onTotal(page.total);
+      next = page.next;
+      fetched = (cursor ? fetched : 0) + page.items.length;
+      return page.items.map((item) => card(item)).filter(Boolean);
+    } catch (error) {
+      if (number !== latest) return null;
+      if (!cursor) list.replaceChildren();
+      say(status, error.message, true);
+      next = cursor || null;
+      return null;
+    } finally {
+      if (number === latest) {
+        list.removeAttribute("aria-busy");
+        more.hidden = !next;
+      }
+    }
+  }
+
+  async function extend() {
+    if (more.hidden || list.closest(".view").hidden) return;
+    const hadFocus = document.activeElement === more;
+    const cards = await fetch(next, kPage);
+    if (!cards) return;
+    list.append(...cards);
+    say(status, "");
+    if (hadFocus) cards[0]?.querySelector("a, button, input").focus();
+    watchEnd();
+  }
+
+  // An observer reports changes only, so it starts again after every page.
+  const observer = new IntersectionObserver((seen) => { if (seen.some((one) => one.isIntersecting)) extend(); }, { rootMargin: kNear });
+  const watchEnd = () => { if (!more.hidden) observer.observe(more); };
+
+  return {
+    bar, list, status,
+    // On return, shows as many items as before.
+    async show(wanted, { isReturn = false } = {}) {
+      const same = JSON.stringify(wanted) === JSON.stringify(parameters);
+      parameters = wanted;
+      const cards = await fetch("", same && isReturn ? Math.min(kMost, Math.max(kPage, fetched)) : kPage);
+      if (!cards) return;
+      list.replaceChildren(...cards);
+      say(status, "");
+      if (!cards.length && !next) status.append(none(parameters));
+      watchEnd();
+    },
+  };
+}
+
+// --- above a list: words to find, the order, and the count. The address has both.
+
+// sorts: [[value of the server, words], ...]; the first is the default. word: what the list has.
+function makeFinder({ view, bar, sorts, word }) {
+  const find = make("input", { type: "search", autocomplete: "off", spellcheck: "false", placeholder: "name or file", "aria-label": `Find ${word}s` });
+  const sort = make("select", { "aria-label": `Order of the ${word}s` }, ...sorts.map(([value, text]) => make("option", { value, text })));
+  const total = make("span", { class: "quiet", role: "status" });
+  const form = make("form", { class: "find", role: "search", "aria-label": `Find ${word}s` }, find, sort, total);
+  onSubmit(form, apply);
+  bar.prepend(form);
+  let rest = {};  // other parameters of the address
+  let timer = 0;
+
+  function apply() {
+    clearTimeout(timer);
+    replaceAddress(link(view, { ...rest, q: find.value.trim() || undefined, sort: sort.value === sorts[0][0] ? undefined : sort.value }));
+  }
+  find.addEventListener("input", () => {
+    clearTimeout(timer);
+    timer = setTimeout(apply, kPauseMs);
+  });
+  sort.addEventListener("change", apply);
+
+  return {
+    // { q, sort } for the server. others: parameters to keep.
+    read(parameters, others) {
+      rest = others;
+      const q = parameters.get("q") ?? "";
+      if (document.activeElement !== find) find.value = q;
+      sort.value = sorts.some(([value]) => value === parameters.get("sort")) ? parameters.get("sort") : sorts[0][0];
+      return { ...(q && { q }), sort: sort.value };
+    },
+    // An empty list has nothing to find, to order or to select.
+    say(number) {
+      bar.hidden = number === 0 && !find.value;
+      say(total, number === undefined ? "" : count(number, word));
+    },
+  };
+}
+
+// --- objects and images
 
 const kObjectSorts = [["object", "by name"], ["-created", "newest first"], ["-updated", "last changed"], ["-images", "most images first"]];
 const kImageSorts = [["-created", "newest first"], ["created", "oldest first"], ["-updated", "last changed"], ["object", "by name"], ["source", "by file"]];
 
-// A page of the server's list; say(total) is told once.
-async function page(kind, { q, sort, object }, cursor, limit, say) {
+// A page of the server's list; the first has the total.
+async function page(kind, { q, sort, object }, cursor, limit) {
   const query = new URLSearchParams({ limit, sort, ...(q && { q }), ...(object !== undefined && { object }), ...(cursor ? { cursor } : { count: true }) });
-  const answer = await api.ask(api.address(`/${kind}?${query}`));
-  if (!cursor) say(answer.total);
-  return { items: answer[kind], next: answer.next };
+  const { [kind]: items, next, total } = await api.ask(api.address(`/${kind}?${query}`));
+  return { items, next, total };
 }
-const imagesPage = ({ object, q, sort = "-created" }, cursor, limit, say = () => {}) => page("images", { object, q, sort }, cursor, limit, say);
+const imagesPage = (wanted, cursor, limit) => page("images", { sort: "-created", ...wanted }, cursor, limit);
 
 // Images without a name belong to no object, so the server's list has no entry for them. The page shows one for all.
-async function objectsPage(wanted, cursor, limit, say) {
+async function objectsPage(wanted, cursor, limit) {
   const wantsUnnamed = !cursor && !wanted.q && wanted.sort === "object";
-  const [{ items, next }, { images }] = await Promise.all([
-    page("objects", wanted, cursor, limit, say), wantsUnnamed ? api.ask(api.address("/images?object=&limit=1")) : { images: [] }]);
-  return { items: [...images.map(({ id }) => ({ object: "", image_id: id })), ...items], next };
+  const [{ items, ...rest }, { images }] = await Promise.all([
+    page("objects", wanted, cursor, limit), wantsUnnamed ? api.ask(api.address("/images?object=&limit=1")) : { images: [] }]);
+  return { items: [...images.map(({ id }) => ({ object: "", image_id: id })), ...items], ...rest };
 }
 
 const nothingYet = (what) => make("span", { class: "nothing" }, `There are no ${what} yet.`,
@@ -36,12 +151,11 @@ const nothingYet = (what) => make("span", { class: "nothing" }, `There are no ${
 // keep: parameters of the address beside those of the finder; title(parameters): the heading.
 function makeView({ word, sorts, fetchPage, card, keep = [], title }) {
   const place = `${word}s`;
-  const bar = byId(`${place}-bar`);
-  const finder = makeFinder({ view: place, bar, word, sorts });
   const items = makeList({
-    place, card, fetchPage: (wanted, cursor, limit) => fetchPage(wanted, cursor, limit, finder.say),
+    place, label: title({}), card, fetchPage, onTotal: (total) => finder.say(total),
     none: ({ object, q }) => (q ? `No name or file contains "${q}".` : object === undefined ? nothingYet(place) : "There are no images without a name.") });
-  const selection = makeSelection({ list: items.list, bar, word, refresh: showCurrent });
+  const finder = makeFinder({ view: place, bar: items.bar, word, sorts });
+  const selection = makeSelection({ ...items, word, refresh: showCurrent });
   return {
     title: title({}),
     show(parameters, how) {
@@ -62,9 +176,8 @@ export const imagesView = makeView({
 // --- the page of an object
 
 const images = makeList({
-  place: "object", card: imageCard, none: () => "This object has no images.",
-  fetchPage: (wanted, cursor, limit) => imagesPage(wanted, cursor, limit) });
-const selection = makeSelection({ list: images.list, bar: byId("object-bar"), word: "image", refresh: showCurrent });
+  place: "object", label: "Images of this object", card: imageCard, fetchPage: imagesPage, none: () => "This object has no images." });
+const selection = makeSelection({ ...images, word: "image", refresh: showCurrent });
 makeBackLink(byId("object-back"));
 
 let latest = 0;
@@ -91,7 +204,7 @@ export const objectView = {
     byId("object-title").textContent = name;
     for (const id of ["object-edit", "object-actions", "object-count"]) byId(id).replaceChildren();  // of another object
     byId("object-edit").classList.remove("editing");
-    byId("object-bar").hidden = false;
+    images.bar.hidden = false;
     setTitle(name);
     const listed = images.show({ object: name, in: api.collectionName() }, how);
     try {
@@ -102,8 +215,8 @@ export const objectView = {
     } catch (error) {
       if (number !== latest) return;
       await listed;
-      byId("object-bar").hidden = error.status === 404;
-      say(byId("object-status"), error.status === 404 ? `There is no object named ${name}.` : error.message, true);
+      images.bar.hidden = error.status === 404;
+      say(images.status, error.status === 404 ? `There is no object named ${name}.` : error.message, true);
     }
     await listed;
   },

@@ -24,7 +24,6 @@ let followed = null;    // { object, name }
 let misses = 0;
 let outline = null;     // { polygon, width, height, at }
 let facing = "environment";
-let told = "";
 
 const kFailures = {
   NotAllowedError: "The browser does not allow this page to use the camera. Allow it in the browser's settings, then start again.",
@@ -35,11 +34,7 @@ const kFailures = {
 const kNotSecure = "Browsers allow the camera only on pages over https, or from this computer itself. " +
   "Ask the person who runs this server to turn on TLS (--tls-cert), or take a photo instead.";
 
-function tell(text, isError = false) {
-  if (text === told) return;  // a screen reader says it once
-  told = text;
-  say(status, text, isError);
-}
+const tell = (text, isError) => say(status, text, isError);
 
 async function start() {
   stop();
@@ -190,4 +185,5 @@ byId("camera-switch").addEventListener("click", () => {
   start();
 });
 
-export const cameraView = { title: "Camera", show: start, hide: () => stop() };
+export const show = start;
+export const hide = () => stop();

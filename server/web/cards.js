@@ -4,7 +4,6 @@
 import * as api from "./api.js";
 import { byId, count, make, makeButton, shortTime, shorten, smallButton } from "./dom.js";
 import { editButton, renameButton } from "./edit.js";
-import { refreshHeader } from "./header.js";
 import { objectName } from "./names.js";
 import { labelList, thumbnail } from "./results.js";
 import { go, link, showCurrent } from "./router.js";
@@ -25,7 +24,7 @@ export const deleteButton = ({ card, path, label, text }) => smallButton("Delete
   const neighbour = card.nextElementSibling ?? card.previousElementSibling;
   card.remove();
   deleteLater({
-    paths: [path], text, done: refreshHeader,
+    paths: [path], text,
     restore(error) {
       list.insertBefore(card, after?.parentElement === list ? after : null);
       if (error) card.append(make("p", { class: "error", text: error.message }));
@@ -39,7 +38,7 @@ export const deleteButton = ({ card, path, label, text }) => smallButton("Delete
 export const deleteHereButton = ({ path, label, text, here, next }) => makeButton("Delete", () => {
   const collection = api.collectionName();
   deleteLater({
-    paths: [path], text, done: refreshHeader,
+    paths: [path], text,
     restore(error) {
       if (collection === api.collectionName()) go(...here);
       if (error) notify(error.message, true);
@@ -49,6 +48,13 @@ export const deleteHereButton = ({ path, label, text, here, next }) => makeButto
   else go(...next);
 }, { "data-needs": "write", "aria-label": label });
 
+// Adds a box that shows while several cards are being selected.
+function makeSelectable(card, item) {
+  card.item = item;
+  card.append(make("label", { class: "pick-label" }, make("input", { type: "checkbox", class: "pick" }), make("span", { text: "Select" }),
+                   make("span", { class: "hidden-text", text: ` ${item.label}` })));
+}
+
 export function objectCard({ object, images, image_id: id }) {
   const path = api.objectPath(object);
   if (isLeaving(path)) return null;
@@ -57,7 +63,7 @@ export function objectCard({ object, images, image_id: id }) {
          make("span", { class: "name", text: object || "Without a name" })),
     make("span", { class: "quiet", text: images ? count(images, "image") : "images without an object name" }));
   if (!object) return card;
-  card.item = { label: object, object, path };
+  makeSelectable(card, { label: object, object, path });
   card.dataset.object = object;
   card.append(make("div", { class: "row" }, renameButton({ card, object, onRenamed: showRenamed }),
     deleteButton({ card, path, label: `Delete ${object} with its images`, text: `Deleted: ${object}, ${count(images, "image")}.` })));
@@ -78,7 +84,7 @@ export function imageCard(image) {
   const card = imageLink(image, `, ${file}`, make("span", { class: "quiet", text: shorten(file, 32), title: file }),
     make("span", { class: "quiet", title: `Added ${shortTime(image.added_at)}`,
                    text: `${image.width} × ${image.height}, ${count(image.keypoints, "keypoint")}` }), labelList(image.metadata));
-  card.item = { label: file, object: image.object, path };
+  makeSelectable(card, { label: file, object: image.object, path });
   const onChanged = (now) => {
     const list = card.parentElement;
     const fresh = imageCard(now);

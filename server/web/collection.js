@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a collection: size, vocabularies, background jobs, and the other collections.
 import * as api from "./api.js";
-import { askFirst, attempt, byId, count, fact, figure, make, say, shortTime, smallButton } from "./dom.js";
+import { askingButton, attempt, byId, count, fact, figure, make, makeLiveList, onSubmit, say, shortTime, smallButton } from "./dom.js";
 import { refreshHeader } from "./header.js";
 import { isActive, makeJobList } from "./jobs.js";
 import { collectionNameFor, shownName } from "./names.js";
@@ -61,17 +61,17 @@ byId("retrain").addEventListener("click", () => tell("retrain-status", async () 
 
 // --- collections
 
-function collectionItem(label) {
+function collectionItem({ here, ...label }) {
   const { name, display_name: shown, aliases } = label;
   const href = `#/collection${name === "default" ? "" : `?${new URLSearchParams({ in: name })}`}`;
-  const here = [name, ...aliases].includes(api.collectionName());
   const item = make("li", {}, here ? make("strong", { text: `${shownName(label)} (this one)` }) : make("a", { href, text: shownName(label) }));
   const others = [...(shown ? [name] : []), ...aliases];
   if (others.length) item.append(" ", make("span", { class: "quiet beside", text: others.join(", ") }));
   if (name !== "default") {
-    item.append(" ", smallButton("Delete", ({ target }) => askFirst(target, {
-      label: `Delete ${name}?`, question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => remove(name) }),
-      { class: "small", "data-needs": "admin", "aria-label": `Delete the collection ${name}` }));
+    const remove = askingButton("Delete", `Delete the collection ${name}`, {
+      question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => deleteCollection(name) });
+    remove.dataset.needs = "admin";
+    item.append(" ", remove);
   }
   return item;
 }
@@ -84,45 +84,37 @@ const changeCollections = (action) => tell("collection-made", async () => {
   return words;
 });
 
-const remove = (name) => changeCollections(async () => {
+const deleteCollection = (name) => changeCollections(async () => {
   await api.deletePath(api.address("", name));
   if (name === api.collectionName()) location.hash = "#/collection";
   return `Collection ${name} deleted.`;
 });
 
-byId("collection-form").addEventListener("submit", (event) => {
-  event.preventDefault();
-  changeCollections(async () => {
-    const typed = byId("collection-name").value.trim();
-    const { labels } = await api.collections();
-    const name = collectionNameFor(typed, labels.flatMap((label) => [label.name, ...label.aliases]));
-    await api.ask(api.address("", name), { method: "PUT" });
-    if (name !== typed) await api.askJson(api.address("", name), "PATCH", { display_name: typed });
-    byId("collection-name").value = "";
-    return `Collection ${typed} created.`;
-  });
-});
+onSubmit(byId("collection-form"), () => changeCollections(async () => {
+  const typed = byId("collection-name").value.trim();
+  const { labels } = await api.collections();
+  const name = collectionNameFor(typed, labels.flatMap((label) => [label.name, ...label.aliases]));
+  await api.ask(api.address("", name), { method: "PUT" });
+  if (name !== typed) await api.askJson(api.address("", name), "PATCH", { display_name: typed });
+  byId("collection-name").value = "";
+  return `Collection ${typed} created.`;
+}));
 
-byId("collection-rename").addEventListener("submit", (event) => {
-  event.preventDefault();
-  changeCollections(async () => {
-    const shown = byId("collection-shown").value.trim();
-    await api.askJson(api.address(), "PATCH", { display_name: shown || null });
-    document.activeElement?.blur();
-    return shown ? `Renamed to ${shown}.` : `Renamed to ${api.collectionName()}.`;
-  });
-});
+onSubmit(byId("collection-rename"), () => changeCollections(async () => {
+  const shown = byId("collection-shown").value.trim();
+  await api.askJson(api.address(), "PATCH", { display_name: shown || null });
+  document.activeElement?.blur();
+  return `Renamed to ${shown || api.collectionName()}.`;
+}));
 
-let collectionsText = "";  // what is shown; an open question stays while nothing changes
+const listCollections = makeLiveList("collections", collectionItem);
 let latestCollections = 0;
 
 async function showCollections() {
   const number = ++latestCollections;
   const { labels } = await api.collections();
-  const text = JSON.stringify([api.collectionName(), labels]);
-  if (number !== latestCollections || text === collectionsText) return;
-  collectionsText = text;
-  byId("collections").replaceChildren(...labels.map(collectionItem));
+  const isHere = ({ name, aliases }) => [name, ...aliases].includes(api.collectionName());
+  if (number === latestCollections) listCollections(labels.map((label) => ({ ...label, here: isHere(label) })));
 }
 
 // --- all of it

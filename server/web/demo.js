@@ -3,18 +3,16 @@
 // The first visit: what to do, and demonstration objects.
 import * as api from "./api.js";
 import { attempt, byId, count, make, makeButton, say } from "./dom.js";
-import { refreshHeader } from "./header.js";
 import { follow } from "./jobs.js";
 import { link } from "./router.js";
 
 let choose = () => {};
-let loading = false;
 
 export const whenExampleIsChosen = (call) => { choose = call; };
 
 // Shows the welcome in an empty collection, and the crumpled photos if their objects are stored.
 export async function refreshDemonstration() {
-  if (loading) return;
+  if (byId("demo-load").disabled) return;
   byId("welcome-add").href = link("add");
   await attempt(byId("search-status"), async () => {
     const [{ images, objects }, demo] = await Promise.all([api.ask(api.address()), api.ask(api.address("/demo"))]);
@@ -41,17 +39,17 @@ function showExamples(demo) {
 
 byId("demo-load").addEventListener("click", async () => {
   const bar = byId("demo-bar");
-  loading = byId("demo-load").disabled = true;
+  byId("demo-load").disabled = true;
   byId("demo-progress").hidden = false;
   bar.removeAttribute("value");
   say(byId("demo-status"), "");
   await attempt(byId("demo-status"), async () => {
     const job = await api.askJson(api.address("/demo"), "POST", {});
     await follow(job.id, ({ done, total }) => { [bar.max, bar.value] = [total || 1, done]; });
-    loading = false;
-    await Promise.all([refreshDemonstration(), refreshHeader()]);
+    byId("demo-load").disabled = false;
+    await refreshDemonstration();
     byId("examples-list").querySelector("button")?.focus();
   });
-  loading = byId("demo-load").disabled = false;
+  byId("demo-load").disabled = false;
   byId("demo-progress").hidden = true;
 });

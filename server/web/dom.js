@@ -21,12 +21,17 @@ export function make(tag, properties = {}, ...children) {
 export const makeButton = (text, onclick, more = {}) => make("button", { type: "button", text, onclick, ...more });
 export const smallButton = (text, onclick, more = {}) => makeButton(text, onclick, { class: "small", ...more });
 
+export const onSubmit = (form, act) => form.addEventListener("submit", (event) => {
+  event.preventDefault();
+  act();
+});
+
 // A name and a value in a <dl>.
 export const fact = (name, ...value) => make("div", {}, make("dt", { text: name }), make("dd", {}, ...value));
 
-// Writes into a live region; an error looks like one.
+// Writes into a live region, which is read aloud once; an error looks like one.
 export function say(place, text, isError = false) {
-  place.textContent = text;
+  if (place.textContent !== text) place.textContent = text;
   place.classList.toggle("error", isError);
 }
 
@@ -45,14 +50,27 @@ export function resultOr(other, action) {
   }
 }
 
-// Replaces `button` by a question, for what cannot be undone. act() runs after "yes".
-export function askFirst(button, { label, question, yes, act }) {
+// A small button for what cannot be undone: a question replaces it, and act() runs after "yes".
+export function askingButton(text, label, { question, yes, act }) {
+  const button = smallButton(text, () => {
+    button.replaceWith(group);
+    group.querySelector("button").focus();
+  }, { class: "small", "aria-label": label });
   const keep = () => { group.replaceWith(button); button.focus(); };
-  const no = smallButton("Keep", keep);
-  const group = make("span", { class: "row", role: "group", "aria-label": label }, make("span", { text: question }), no,
-                     smallButton(yes, act, { class: "small danger" }));
-  button.replaceWith(group);
-  no.focus();
+  const group = make("span", { class: "row", role: "group", "aria-label": `${label}?` }, make("span", { text: question }), smallButton("Keep", keep),
+                     smallButton(yes, () => { keep(); act(); }, { class: "small danger" }));
+  return button;
+}
+
+// show(items) for the list with this id. It draws only changes, so that buttons keep the focus and questions stay open.
+export function makeLiveList(id, itemOf, none) {
+  let shown = "";
+  return (items) => {
+    if (JSON.stringify(items) === shown) return;
+    shown = JSON.stringify(items);
+    byId(id).replaceChildren(...items.map(itemOf));
+    if (!items.length) byId(id).append(make("li", { class: "quiet", text: none }));
+  };
 }
 
 // Whether the browser allowed it; without https it does not.

@@ -33,18 +33,23 @@ export function fitCanvas(canvas, width, height) {
 
 export const kOutline = "#ffd84d";
 
+export function pathOf(points) {
+  const path = new Path2D();
+  for (const [x, y] of points) path.lineTo(x, y);
+  path.closePath();
+  return path;
+}
+
 // Light on dark, so that it shows on any image. Points are in image pixels with centres at integers.
 export function drawOutline(context, polygon, scale, colour = kOutline, weight = 1) {
   const thin = weight * Math.max(1.5, context.canvas.width / 320);
   context.save();
   context.lineJoin = "round";
-  context.beginPath();
-  for (const [x, y] of polygon) context.lineTo((x + 0.5) * scale, (y + 0.5) * scale);
-  context.closePath();
+  const path = pathOf(polygon.map(([x, y]) => [(x + 0.5) * scale, (y + 0.5) * scale]));
   for (const [width, stroke] of [[3 * thin, "#00201dcc"], [1.5 * thin, colour]]) {
     context.lineWidth = width;
     context.strokeStyle = stroke;
-    context.stroke();
+    context.stroke(path);
   }
   context.restore();
 }

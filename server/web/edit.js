@@ -2,9 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Changes in place: the name of an object, the name and the labels of an image.
 import * as api from "./api.js";
-import { make, makeButton, say, smallButton } from "./dom.js";
+import { make, makeButton, onSubmit, say, smallButton } from "./dom.js";
 import { offerObjectNames } from "./filters.js";
-import { refreshHeader } from "./header.js";
 import { labelLines, labelsPatch } from "./labels.js";
 import { kLongestName, objectName } from "./names.js";
 import { notify, settle } from "./undo.js";
@@ -38,10 +37,7 @@ export function openForm({ card, opener, title, fields, note = "", save }) {
       (offer.firstElementChild ?? form.querySelector("input")).focus();
     }
   };
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    run(() => save(close, (n, of) => say(status, `${n} of ${of}…`)));
-  });
+  onSubmit(form, () => run(() => save(close, (n, of) => say(status, `${n} of ${of}…`))));
   form.addEventListener("input", () => offer.replaceChildren());  // it was for the text before
   form.addEventListener("keydown", (event) => { if (event.key === "Escape") close(); });
   card.classList.add("editing");
@@ -78,7 +74,6 @@ export const renameButton = ({ card, object, large = false, onRenamed }) => edit
       throw error;
     }
     notify(merge ? `Merged ${object} into ${name}.` : `Renamed to ${name}.`);
-    refreshHeader();
     onRenamed(name);
   };
   openForm({ card, opener, title: `Rename ${object}`, fields: [field], save: (close) => (input.value.trim() === object ? close() : rename(false)) });
@@ -106,22 +101,7 @@ export const editButton = ({ card, image, large = false, onChanged }) => {
       const metadata = labelsPatch(value.metadata, labels.value);
       if (object && object !== value.object) await settle(api.objectPath(object));
       const now = await api.patch(api.imagePath(image.id), { ...(object !== value.object && { object }), ...(metadata && { metadata }) }, etag);
-      refreshHeader();
       onChanged(now);
     } });
   });
 };
-
-// For an image that is already stored under another name: a button that gives it the typed name.
-export const renameOffer = ({ id, collection, object, metadata, done, failed }) => smallButton(
-  object ? `Rename to ${object}` : "Use these labels", async ({ target }) => {
-    target.disabled = true;
-    try {
-      if (object) await settle(api.objectPath(object, collection));
-      await api.patch(api.imagePath(id, "", collection), { ...(object && { object }), ...(metadata && { metadata }) });
-      done();
-    } catch (error) {
-      target.disabled = false;
-      failed(error);
-    }
-  });

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The limits of a search.
 import { address, ask } from "./api.js";
-import { byId, make } from "./dom.js";
+import { byId, make, onSubmit } from "./dom.js";
 import { parseLabels } from "./labels.js";
 
 const form = byId("filters-form");
@@ -50,7 +50,7 @@ function change() {
   showHowMany();
   apply();
 }
-form.addEventListener("submit", (event) => { event.preventDefault(); change(); });
+onSubmit(form, change);
 form.addEventListener("reset", () => setTimeout(change));  // after the fields are empty
 
 // Names to choose from while typing, here and for images.

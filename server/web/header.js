@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The top of the page: the collection, and the key if the server needs one.
 import * as api from "./api.js";
-import { byId, make, say } from "./dom.js";
+import { byId, make, onSubmit, say } from "./dom.js";
 import { forgetQueries } from "./kept.js";
 import { shownName } from "./names.js";
 import { go, showCurrent } from "./router.js";
@@ -28,9 +28,9 @@ choice.addEventListener("change", () => {
   go("search");
 });
 
-export const showKeyState = () => { byId("key-button").hidden = !api.getKey() && !wanted; };
+const showKeyState = () => { byId("key-button").hidden = !api.getKey() && !wanted; };
 
-function setKey(key) {
+export function setKey(key) {
   const before = api.getKey();
   api.setKey(key);
   if (!key || (before && before !== key)) forgetQueries().catch(() => {});
@@ -56,8 +56,7 @@ byId("key-forget").addEventListener("click", () => {
   setKey("");
   dialog.close();
 });
-byId("key-form").addEventListener("submit", async (event) => {
-  event.preventDefault();
+onSubmit(byId("key-form"), async () => {
   setKey(byId("key-input").value.trim());
   try {
     await api.refreshScope();

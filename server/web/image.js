@@ -10,7 +10,6 @@ import { labelList } from "./results.js";
 import { link, makeBackLink, setTitle, showing } from "./router.js";
 
 const kCandidates = 24;  // hits that are checked as copies
-const kCopyWords = { same: "The same file, stored twice", near: "Almost the same image: resized or compressed again" };
 
 let latest = 0;
 let shownImage = null;
@@ -99,10 +98,11 @@ export function isNearCopy(hit, image) {
 
 async function copyCard(hit, image) {
   const other = await api.ask(api.imagePath(hit.image_id));
-  const kind = other.sha256 === image.sha256 ? "same" : isNearCopy(hit, image) ? "near" : null;
-  if (!kind) return null;
+  const words = other.sha256 === image.sha256 ? "The same file, stored twice" :
+    isNearCopy(hit, image) ? "Almost the same image: resized or compressed again" : null;
+  if (!words) return null;
   const file = fileOf(other);
-  const card = imageLink(other, "", make("span", { text: kCopyWords[kind], class: "quiet" }),
+  const card = imageLink(other, "", make("span", { text: words, class: "quiet" }),
     make("span", { class: "quiet", text: `${file}, ${other.width} × ${other.height}, ${fileSize(other.bytes)}` }));
   card.append(make("div", { class: "row" }, deleteButton({ card, path: api.imagePath(other.id),
     label: `Delete the copy ${file} of ${objectName(other.object, other.source)}`, text: `Deleted: ${file}.` })));
@@ -125,23 +125,20 @@ byId("copies-find").addEventListener("click", async () => {
   byId("copies-find").disabled = false;
 });
 
-export const imageView = {
-  title: "Image",
-  async show(parameters) {
-    const number = ++latest;
-    byId("image-body").hidden = true;
-    byId("image-title").textContent = "Image";
-    byId("image-back").href = link("images");
-    byId("copies-list").replaceChildren();
-    say(byId("copies-status"), "");
-    say(byId("image-status"), "");
-    await attempt(byId("image-status"), async () => {
-      const image = await api.ask(api.imagePath(parameters.get("id") ?? "")).catch((error) => { if (number === latest) throw error; });
-      if (number !== latest || showing() !== "image") return;
-      shownImage = image;
-      byId("image-body").hidden = false;
-      showRecord(image);
-      showLarge(image);
-    });
-  },
-};
+export async function show(parameters) {
+  const number = ++latest;
+  byId("image-body").hidden = true;
+  byId("image-title").textContent = "Image";
+  byId("image-back").href = link("images");
+  byId("copies-list").replaceChildren();
+  say(byId("copies-status"), "");
+  say(byId("image-status"), "");
+  await attempt(byId("image-status"), async () => {
+    const image = await api.ask(api.imagePath(parameters.get("id") ?? "")).catch((error) => { if (number === latest) throw error; });
+    if (number !== latest || showing() !== "image") return;
+    shownImage = image;
+    byId("image-body").hidden = false;
+    showRecord(image);
+    showLarge(image);
+  });
+}

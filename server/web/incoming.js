@@ -64,11 +64,13 @@ async function received(transfer, how) {
   return { problem: isAddress ? kAddressOnly : `There is no image in what you ${how}.` };
 }
 
-// path: the folders around the entry, from the one that was dropped.
+// path: the folders around a file, from the given one; files directly in that folder have its name.
+const folderOf = ([given = "", ...below]) => below.join("/") || given;
+
 async function walk(entry, path, found) {
   if (entry.isFile) {
     const file = await new Promise((done, fail) => entry.file(done, fail));
-    if (!file.name.startsWith(".")) found.push({ file, folder: path.slice(1).join("/") || path[0] || "" });
+    if (!file.name.startsWith(".")) found.push({ file, folder: folderOf(path) });
     return;
   }
   const reader = entry.createReader();
@@ -101,7 +103,8 @@ export function accept(view, inputs, use) {
   });
   for (const id of inputs) {
     byId(id).addEventListener("change", ({ target }) => {
-      if (target.files.length) use({ files: [...target.files].map((file) => ({ file, folder: "" })) });
+      const files = [...target.files].map((file) => ({ file, folder: folderOf(file.webkitRelativePath.split("/").slice(0, -1)) }));
+      if (files.length) use({ files });
       target.value = "";  // so that the same file can be chosen again
     });
   }
@@ -120,28 +123,17 @@ const kAdvice = {
   video: "A video is not a photo. Save a frame as JPEG first.",
 };
 
-const text = (bytes, from, to) => String.fromCharCode(...bytes.slice(from, to));
+// By the first bytes, as Latin-1; the first that fits counts.
+const kSignatures = {
+  JPEG: /^\xff\xd8\xff/, PNG: /^\x89PNG/, WebP: /^RIFF....WEBP/s, BMP: /^BM/, TIFF: /^(II\*\0|MM\0\*)/, GIF: /^GIF8/, PDF: /^%PDF/,
+  ICO: /^\0\0\x01\0/, "JPEG XL": /^(\xff\x0a|....JXL )/s, AVIF: /^....ftyp(avi[fs]|(hei|hev|mif1|msf1).{0,56}avif)/s,
+  HEIC: /^....ftyp(hei|hev|mif1|msf1)/s, video: /^(....ftyp|\x1aE\xdf\xa3)/s, SVG: /^\s*(<\?xml.*)?<svg/is,
+};
 
 // "JPEG", "HEIC", ...; null if unknown.
 export function kindOf(bytes) {
-  const starts = (...values) => values.every((value, i) => bytes[i] === value);
-  if (starts(0xff, 0xd8, 0xff)) return "JPEG";
-  if (starts(0x89, 0x50, 0x4e, 0x47)) return "PNG";
-  if (text(bytes, 0, 4) === "RIFF" && text(bytes, 8, 12) === "WEBP") return "WebP";
-  if (starts(0x42, 0x4d)) return "BMP";
-  if (["II*\0", "MM\0*"].includes(text(bytes, 0, 4))) return "TIFF";
-  if (text(bytes, 0, 4) === "GIF8") return "GIF";
-  if (text(bytes, 0, 4) === "%PDF") return "PDF";
-  if (starts(0, 0, 1, 0)) return "ICO";
-  if (starts(0xff, 0x0a) || text(bytes, 4, 8) === "JXL ") return "JPEG XL";
-  if (text(bytes, 4, 8) === "ftyp") {
-    const brands = text(bytes, 8, 64);
-    if (/^avi[fs]/.test(brands)) return "AVIF";
-    if (/^(hei|hev|mif1|msf1)/.test(brands)) return /avif/.test(brands) ? "AVIF" : "HEIC";
-    return "video";
-  }
-  if (starts(0x1a, 0x45, 0xdf, 0xa3)) return "video";
-  return /^\s*(<\?xml[^]*)?<svg/i.test(text(bytes, 0, 256)) ? "SVG" : null;
+  const head = String.fromCharCode(...bytes.slice(0, 256));
+  return Object.keys(kSignatures).find((kind) => kSignatures[kind].test(head)) ?? null;
 }
 
 // The same file, or a converted one. Throws an Error with a sentence.

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Background jobs of the server.
 import { ask, deletePath } from "./api.js";
-import { byId, count, make, makeButton, shortTime, wait } from "./dom.js";
+import { count, make, makeButton, makeLiveList, shortTime, wait } from "./dom.js";
 import { problemWords } from "./words.js";
 
 const kPollMs = 1000;
@@ -15,7 +15,7 @@ export const isActive = (job) => job.state === "queued" || job.state === "runnin
 const pathOf = (id) => `/v1/jobs/${encodeURIComponent(id)}`;
 
 // Follows a job to its end; onProgress(job) is told each time. Throws if the job failed.
-export async function follow(id, onProgress) {
+export async function follow(id, onProgress = () => {}) {
   for (;;) {
     const job = await ask(pathOf(id));
     onProgress(job);
@@ -40,14 +40,8 @@ function jobItem(job, onChange) {
   return item;
 }
 
-// show(jobs) for the list with this id. It draws only changes, so that buttons keep the focus.
+// show(jobs) for the list with this id.
 export function makeJobList(id, onChange) {
-  let shown = "";
-  return (jobs) => {
-    const some = jobs.slice(0, kShown);
-    if (JSON.stringify(some) === shown) return;
-    shown = JSON.stringify(some);
-    byId(id).replaceChildren(...some.map((job) => jobItem(job, onChange)));
-    if (!some.length) byId(id).append(make("li", { class: "quiet", text: "No background jobs." }));
-  };
+  const show = makeLiveList(id, (job) => jobItem(job, onChange), "No background jobs.");
+  return (jobs) => show(jobs.slice(0, kShown));
 }

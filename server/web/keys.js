@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keys, for admins: created, shown once, revoked.
 import * as api from "./api.js";
-import { askFirst, attempt, byId, copyText, make, makeButton, say, shortTime, smallButton } from "./dom.js";
-import { showKeyState } from "./header.js";
+import { askingButton, attempt, byId, copyText, make, makeButton, onSubmit, say, shortTime } from "./dom.js";
+import { setKey } from "./header.js";
 
 const tell = (...what) => say(byId("keys-status"), ...what);
 let isFirst = false;  // the server has no keys and answers everyone
@@ -25,8 +25,7 @@ function showNew(made) {
   text.select();
 }
 
-byId("keys-form").addEventListener("submit", async (event) => {
-  event.preventDefault();
+onSubmit(byId("keys-form"), async () => {
   const name = byId("keys-name").value.trim();
   if (!name) {
     tell("Enter a name for the key.", true);
@@ -38,8 +37,7 @@ byId("keys-form").addEventListener("submit", async (event) => {
     tell("");
     byId("keys-name").value = "";
     if (isFirst) {
-      api.setKey(made.key);
-      showKeyState();
+      setKey(made.key);
       await api.refreshScope();
     }
     showNew(made);
@@ -55,10 +53,8 @@ async function revoke(key) {
 }
 
 function row(key, mine) {
-  const ask = ({ target }) => askFirst(target, {
-    label: `Revoke ${key.name}?`, question: "The key will stop working at once.", yes: "Revoke", act: () => revoke(key) });
-  const state = key.revoked_at ? [`revoked ${shortTime(key.revoked_at)}`] :
-    [key.id === mine ? "used by this tab " : "", smallButton("Revoke", ask, { class: "small", "aria-label": `Revoke the key ${key.name}` })];
+  const state = key.revoked_at ? [`revoked ${shortTime(key.revoked_at)}`] : [key.id === mine ? "used by this tab " : "", askingButton(
+    "Revoke", `Revoke the key ${key.name}`, { question: "The key will stop working at once.", yes: "Revoke", act: () => revoke(key) })];
   return make("tr", { class: key.revoked_at ? "gone" : "" }, make("th", { scope: "row", text: key.name }), make("td", { text: key.scope }),
               make("td", {}, make("code", { text: key.id })), make("td", { text: shortTime(key.created_at) }), make("td", {}, ...state));
 }
@@ -76,15 +72,13 @@ async function refresh() {
   if (!done) byId("keys-list").replaceChildren();
 }
 
-export const keysView = {
-  title: "Keys",
-  show() {
-    tell("");
-    return refresh();
-  },
-  hide() {
-    byId("keys-list").replaceChildren();  // on return, nobody must press what is about to be drawn again
-    byId("keys-new").replaceChildren();   // it is shown once
-    byId("keys-new").hidden = true;
-  },
-};
+export function show() {
+  tell("");
+  return refresh();
+}
+
+export function hide() {
+  byId("keys-list").replaceChildren();  // on return, nobody must press what is about to be drawn again
+  byId("keys-new").replaceChildren();   // it is shown once
+  byId("keys-new").hidden = true;
+}

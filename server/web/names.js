@@ -5,6 +5,7 @@ import { resultOr } from "./dom.js";
 
 export const kLongestName = 200;  // characters
 const kMostBytes = 512;           // in UTF-8, on the server
+const kUtf8 = new TextEncoder();
 
 // Names that cameras, phones and clipboards give to every image.
 const kSaysNothing = /^(image|img|photo|picture|pasted|blob|capture|untitled|unnamed|\d+)?$/i;
@@ -14,20 +15,16 @@ const kInvisible = /[\u0000-\u001f\u007f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u
 const kJoiner = /[\u200c\u200d]/;
 const kJoinedFrom = 0x600;  // joiners are part of some scripts and of emoji
 
-const bytesOf = (point) => (point < 0x80 ? 1 : point < 0x800 ? 2 : point < 0x10000 ? 3 : 4);
-
 // The name as the server accepts it.
 function acceptable(name) {
-  let text = "", before = 0, bytes = 0;
-  for (const letter of name.trim()) {
-    const point = letter.codePointAt(0);
+  let text = "", before = 0;
+  for (const letter of name) {
     const joiner = kJoiner.test(letter);
     if (kInvisible.test(letter) && !(joiner && before >= kJoinedFrom)) continue;
-    if (!text && !letter.trim()) continue;
-    bytes += bytesOf(point);
-    if (bytes > kMostBytes || text.length + letter.length > kLongestName) break;
-    text += letter;
-    before = joiner ? 0 : point;
+    const longer = (text + letter).trimStart();
+    if (longer.length > kLongestName || kUtf8.encode(longer).length > kMostBytes) break;
+    text = longer;
+    before = joiner || !text ? 0 : letter.codePointAt(0);
   }
   return text.replace(/[\s\u200c\u200d]+$/, "");
 }

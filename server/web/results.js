@@ -4,7 +4,6 @@
 import { imagePath, showImage } from "./api.js";
 import { byId, count, make, makeButton } from "./dom.js";
 import { filterParameters } from "./filters.js";
-import { objectName } from "./names.js";
 import { link } from "./router.js";
 import { isWeak, scoreWords } from "./words.js";
 
@@ -29,7 +28,6 @@ export function labelList(metadata) {
 
 function hitCard(hit, colour, onChoose) {
   const { words, grade, share, percent } = scoreWords(hit);
-  const name = objectName(hit.object, hit.source);
   const facts = [percent, hit.inliers ? count(hit.inliers, "match", "matches") : ""].filter(Boolean).join(", ");
   const swatch = colour ? make("span", { class: "swatch", "aria-hidden": "true" }) : null;
   if (swatch) swatch.style.background = colour;
@@ -37,10 +35,10 @@ function hitCard(hit, colour, onChoose) {
   fill.style.width = `${Math.round(100 * Math.max(0, Math.min(1, share)))}%`;
   const button = makeButton("", () => onChoose(hit), { class: "hit-choose", "aria-pressed": "false" });
   button.append(thumbnail(hit.image_id), make("span", { class: "hit-text" },
-    make("span", { class: "name" }, swatch, `${hit.rank}. ${name}`), make("span", { class: "grade", text: words }),
+    make("span", { class: "name" }, swatch, `${hit.rank}. ${hit.name}`), make("span", { text: words }),
     make("span", { class: "bar", "aria-hidden": "true" }, fill), make("span", { class: "quiet", text: facts }), labelList(hit.metadata)));
   const card = make("li", { class: "hit" }, button, make("a", {
-    href: link("search", { image: hit.image_id, ...filterParameters() }), class: "quiet", text: "Find similar", "aria-label": `Find similar to ${name}` }));
+    href: link("search", { image: hit.image_id, ...filterParameters() }), class: "quiet", text: "Find similar", "aria-label": `Find similar to ${hit.name}` }));
   card.dataset.id = hit.image_id;
   return card;
 }

@@ -31,6 +31,7 @@ let received = 0, total = 0;  // hits of the server, also those that are being d
 
 // --- the photo
 
+// Shows the photo, and searches with it.
 async function setQuery(next) {
   running?.abort();
   query = next;
@@ -44,7 +45,7 @@ async function setQuery(next) {
   resetRegion(0, 0);
   const [bitmap, record] = next.file ? [await decode(next.file)] : next.id ? await Promise.all(
     [storedImage(api.imagePath(next.id)), api.ask(api.imagePath(next.id))].map((one) => one.catch(() => null))) : [];
-  if (query !== next) return false;
+  if (query !== next) return;
   if (bitmap) {
     const { width, height } = record ?? bitmap;
     Object.assign(next, { bitmap, width, height });
@@ -52,7 +53,7 @@ async function setQuery(next) {
   }
   byId("stage").hidden = !bitmap;
   drawStage(query, [], null);
-  return true;
+  run();
 }
 
 // --- the search
@@ -169,7 +170,7 @@ async function searchFile(given) {
   const key = await keepQuery(file);
   if (!isWanted()) return;
   pushAddress(link("search", { photo: key, ...filterParameters() }));
-  if (await setQuery({ file, key })) run();
+  setQuery({ file, key });
 }
 
 accept(byId("view-search"), ["search-file", "search-camera"], ({ files, stored, address, problem }) => {
@@ -198,8 +199,8 @@ async function showKept(key, part, greeted) {
     forget();
     await greeted;  // its words would replace these
     say(status, "This browser no longer keeps that photo. Choose the photo again.", true);
-  } else if (await setQuery({ file, key, part })) {
-    run();
+  } else {
+    await setQuery({ file, key, part });
   }
 }
 
@@ -213,7 +214,7 @@ export const searchView = {
     if (key) {
       if (isOther() || query?.key !== key) await showKept(key, part, greeted);
     } else if (id || url) {
-      if ((isOther() || query?.id !== id && query?.url !== url) && await setQuery(id ? { id, part } : { url, part })) run();
+      if (isOther() || query?.id !== id && query?.url !== url) await setQuery(id ? { id, part } : { url, part });
     } else if (query) {
       forget();
     }

@@ -4,71 +4,44 @@
 import * as api from "./api.js";
 import { count, eachOf, make, makeButton, say, smallButton } from "./dom.js";
 import { nameField, noName, openForm } from "./edit.js";
-import { refreshHeader } from "./header.js";
 import { parseLabels } from "./labels.js";
 import { deleteLater, notify, settle } from "./undo.js";
 
 const kStart = "Select several";
 
-// list: the element with the cards, each with card.item { label, path, object }. word: "image" or "object". bar: the
-// element for the buttons. refresh(): shows the list again.
+// list: the element with the cards of cards.js. word: "image" or "object". bar: the element for the buttons. refresh():
+// shows the list again.
 export function makeSelection({ list, bar, word, refresh }) {
-  const chosen = new Set();  // cards
-  let last = null;           // the last card that was clicked: Shift and a click choose all between
+  let last = null;  // the last card that was clicked: Shift and a click choose all between
   const status = make("span", { role: "status" });
   const place = make("div", {});
   const start = makeButton(kStart, () => turn(!isOn()), { "data-needs": "write" });
   const forms = word === "image" ? [["Name…", nameForm], ["Label…", labelForm]] : [["Merge…", mergeForm]];
   const changes = [...forms.map(([text, form]) => smallButton(text, ({ target }) => open(target, form()))), smallButton("Delete", remove)];
   const panel = make("div", { class: "panel selection", role: "group", "aria-label": `Selected ${word}s`, hidden: true },
-    make("div", { class: "row" }, status, smallButton("All shown", () => choose([...list.children])), smallButton("None", () => choose([])), ...changes),
+    make("div", { class: "row" }, status, smallButton("All shown", () => choose(selectable(), true)),
+      smallButton("None", () => choose(selectable(), false)), ...changes),
     place);
   bar.append(start);
   bar.after(panel);
 
   const isOn = () => list.classList.contains("selecting");
 
+  const boxOf = (card) => card.querySelector(".pick");
+  const selectable = () => [...list.children].filter(boxOf);
+  const chosen = () => selectable().filter((card) => boxOf(card).checked);
+
   function showState() {
-    for (const card of [...chosen]) if (!card.isConnected) chosen.delete(card);
-    say(status, `${count(chosen.size, word)} selected`);
-    for (const one of changes) one.disabled = !chosen.size;
-    for (const card of list.children) {
-      card.classList.toggle("chosen", chosen.has(card));
-      const box = card.querySelector(".pick");
-      if (box) box.checked = chosen.has(card);
-    }
+    say(status, `${count(chosen().length, word)} selected`);
+    for (const one of changes) one.disabled = !chosen().length;
   }
 
-  function choose(cards) {
-    chosen.clear();
-    for (const card of cards) if (card.item) chosen.add(card);
+  function choose(cards, on) {
+    for (const card of cards) boxOf(card).checked = on;
     showState();
   }
 
-  function toggle(card, withRange) {
-    const cards = [...list.children];
-    const on = !chosen.has(card);
-    const to = cards.indexOf(card);
-    const from = withRange && last?.isConnected ? cards.indexOf(last) : to;
-    for (const one of cards.slice(Math.min(from, to), Math.max(from, to) + 1).filter(({ item }) => item)) {
-      if (on) chosen.add(one);
-      else chosen.delete(one);
-    }
-    last = card;
-    showState();
-  }
-
-  // Also on cards that come later: the list has no end.
-  function addBoxes() {
-    if (!isOn()) return;
-    for (const card of list.children) {
-      if (!card.item || card.querySelector(".pick")) continue;
-      card.append(make("label", { class: "pick-label" }, make("input", { type: "checkbox", class: "pick" }), make("span", { text: "Select" }),
-                       make("span", { class: "hidden-text", text: ` ${card.item.label}` })));
-    }
-    showState();
-  }
-  new MutationObserver(addBoxes).observe(list, { childList: true });
+  new MutationObserver(() => { if (isOn()) showState(); }).observe(list, { childList: true });
 
   function clearForm() {
     place.replaceChildren();
@@ -80,26 +53,28 @@ export function makeSelection({ list, bar, word, refresh }) {
     start.textContent = on ? "Done" : kStart;
     panel.hidden = !on;
     clearForm();
-    chosen.clear();
-    if (on) addBoxes();
-    else for (const one of list.querySelectorAll(".pick-label")) one.remove();
-    showState();
+    choose(selectable(), false);
   }
 
   list.addEventListener("click", (event) => {
     const card = event.target.closest(".card");
     if (!isOn() || !card?.item || !event.target.closest("a, .pick")) return;
-    if (event.target.closest("a")) event.preventDefault();  // a click on the image itself
-    toggle(card, event.shiftKey);
+    const onImage = Boolean(event.target.closest("a"));  // and not on its box, which has changed already
+    if (onImage) event.preventDefault();
+    const cards = selectable();
+    const to = cards.indexOf(card);
+    const from = event.shiftKey && last?.isConnected ? cards.indexOf(last) : to;
+    last = card;
+    choose(cards.slice(Math.min(from, to), Math.max(from, to) + 1), boxOf(card).checked !== onImage);
   });
 
   // --- changes
 
   function remove() {
-    const cards = [...chosen];
+    const cards = chosen();
     for (const card of cards) card.remove();
     deleteLater({
-      paths: cards.map((card) => card.item.path), text: `Deleted: ${count(cards.length, word)}.`, done: refreshHeader,
+      paths: cards.map((card) => card.item.path), text: `Deleted: ${count(cards.length, word)}.`,
       restore(error, left) {
         if (error) notify(`${count(left.length, word)} could not be deleted. ${error.message}`, true);
         refresh();
@@ -116,7 +91,6 @@ export function makeSelection({ list, bar, word, refresh }) {
       const done = await form.save(progress);
       turn(false);
       start.focus();  // before the list comes: people may already use it then
-      refreshHeader();
       await refresh();
       notify(done);
     } });
@@ -124,11 +98,11 @@ export function makeSelection({ list, bar, word, refresh }) {
 
   // The same change to every selected image; those that fail stay selected.
   async function changeAll(changed, progress) {
-    const cards = [...chosen];
+    const cards = chosen();
     let done = 0;
     const failed = await eachOf(cards, async (card) => {
       await api.patch(card.item.path, changed);
-      chosen.delete(card);
+      boxOf(card).checked = false;
       progress(++done, cards.length);
     });
     showState();
@@ -158,15 +132,15 @@ export function makeSelection({ list, bar, word, refresh }) {
   }
 
   function mergeForm() {
-    const [field, input] = nameField("Name of the merged object", [...chosen][0]?.item.object);
+    const [field, input] = nameField("Name of the merged object", chosen()[0]?.item.object);
     return { title: "Merge the selected objects", fields: [field], note: "A merge cannot be undone.", async save(progress) {
       const object = input.value.trim();
       if (!object) throw noName();
       await settle(api.objectPath(object));
-      const cards = [...chosen].filter((card) => card.item.object !== object);
+      const cards = chosen().filter((card) => card.item.object !== object);
       for (const [i, card] of cards.entries()) {  // one after the other: they all become the same
         await api.patch(`${card.item.path}?merge=true`, { object });
-        chosen.delete(card);
+        boxOf(card).checked = false;
         progress(i + 1, cards.length);
       }
       return `${count(cards.length, "object")} merged into ${object}.`;

@@ -2,8 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The photo with everything found in it: each object outlined in its own colour, with its name, which selects it.
 import { byId, makeButton } from "./dom.js";
-import { drawOutline, drawPoints, fitCanvas, kOutline } from "./draw.js";
-import { objectName } from "./names.js";
+import { drawOutline, drawPoints, fitCanvas, kOutline, pathOf } from "./draw.js";
 import { isWeak } from "./words.js";
 
 // They show on any image (outlines have dark edges), also to people who see fewer colours.
@@ -34,7 +33,7 @@ export function drawStage(query, hits, chosen) {
   tags.replaceChildren();
   shown = [];
   if (!query?.bitmap) {
-    note.textContent = query?.url ? "The server is fetching this image." : "This browser cannot show this file. The search works all the same.";
+    note.textContent = query?.url ? "The server is fetching this image." : "This browser cannot show this file, but the search works.";
     return;
   }
   photoWidth = query.width;
@@ -52,7 +51,7 @@ export function drawStage(query, hits, chosen) {
       shown.push({ hit, polygon });
       tags.append(tag(hit, polygon, colour, query, hit === chosen));
     }
-    if (outlines.length) said.push(objectName(hit.object, hit.source) + (outlines.length > 1 ? `, ${outlines.length} times` : ""));
+    if (outlines.length) said.push(hit.name + (outlines.length > 1 ? `, ${outlines.length} times` : ""));
   }
   if (chosen?.explain) drawPoints(context, chosen.explain.pairs.map(([x, y]) => [x, y]), scale, colours.get(chosen.image_id));
   if (focused) tags.children[shown.findIndex(({ polygon }) => polygon === focused)]?.focus({ preventScroll: true });
@@ -63,9 +62,8 @@ export function drawStage(query, hits, chosen) {
 
 // The name, at the top of the outline, inside the photo.
 function tag(hit, polygon, colour, query, isChosen) {
-  const name = objectName(hit.object, hit.source);
   const [x, y] = polygon.reduce((best, point) => (point[1] < best[1] ? point : best));
-  const button = makeButton(name, () => pick(hit), { class: "tag", title: name, "aria-pressed": String(isChosen) });
+  const button = makeButton(hit.name, () => pick(hit), { class: "tag", title: hit.name, "aria-pressed": String(isChosen) });
   const within = (share, least) => Math.min(1 - least, Math.max(least, share));
   button.middle = [within(x / query.width, 0.12), within(y / query.height, 0.06)];
   button.style.borderColor = colour;
@@ -96,15 +94,7 @@ const areaOf = (polygon) => Math.abs(polygon.reduce((sum, [x, y], i) => {
   return sum + x * v - u * y;
 }, 0)) / 2;
 
-// Even-odd rule.
-export function isInside([x, y], polygon) {
-  let inside = false;
-  for (const [i, [ax, ay]] of polygon.entries()) {
-    const [bx, by] = polygon[(i + 1) % polygon.length];
-    if ((ay > y) !== (by > y) && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
-  }
-  return inside;
-}
+export const isInside = ([x, y], polygon) => canvas.getContext("2d").isPointInPath(pathOf(polygon), x, y, "evenodd");
 
 let pressedAt = [0, 0];
 stage.addEventListener("pointerdown", ({ clientX, clientY }) => { pressedAt = [clientX, clientY]; });

@@ -1,10 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The state of the server: what it stores, uses and does.
+// The state of the server: what it stores, uses and does; and backups of its database, for admins.
 import * as api from "./api.js";
-import { forgetBackups, refreshBackups, whenBackupStarts } from "./backups.js";
-import { byId, count, fact, figure, fileSize, make, say } from "./dom.js";
-import { isActive, makeJobList } from "./jobs.js";
+import { askingButton, attempt, byId, count, fact, figure, fileSize, make, makeLiveList, say, shortTime } from "./dom.js";
+import { follow, isActive, makeJobList } from "./jobs.js";
 import { showing } from "./router.js";
 
 const kPollMs = 3000;
@@ -72,6 +71,53 @@ async function showJobs() {
   byId("status-running").textContent = running ? `${count(running, "job")} running` : "";
 }
 
+// --- backups
+
+const backupPath = ({ name }, what = "") => `/v1/backups/${encodeURIComponent(name)}${what}`;
+const tell = (text) => say(byId("backups-said"), text);
+
+async function deleteBackup(backup) {
+  await attempt(byId("backups-said"), async () => {
+    await api.deletePath(backupPath(backup));
+    tell(`Backup ${backup.name} deleted.`);
+  });
+  await refresh();
+  byId("backups-title").focus();
+}
+
+function backupItem(backup) {
+  const note = make("span", { class: "quiet", role: "status" });
+  return make("li", {}, make("strong", { text: backup.name }),
+    make("span", { class: "quiet", text: `${fileSize(backup.bytes)}, ${shortTime(backup.created_at)}` }),
+    api.downloadLink(backupPath(backup, "/content"), backup.name, note, { class: "button small", "aria-label": `Download the backup ${backup.name}` }),
+    askingButton("Delete", `Delete the backup ${backup.name}`, {
+      question: "This cannot be undone.", yes: "Delete", act: () => deleteBackup(backup) }), note);
+}
+
+const listBackups = makeLiveList("backups", backupItem, "None yet.");
+
+async function showBackups() {
+  if (!api.isAdmin()) return;
+  const { backups } = await api.ask("/v1/backups").catch((error) => {
+    if (error.code !== "backups_off") throw error;
+    return { backups: null };
+  });
+  byId("backups-off").hidden = Boolean(backups);
+  byId("backups-on").hidden = !backups;
+  listBackups(backups ?? []);
+}
+
+byId("backup-make").addEventListener("click", () => attempt(byId("backups-said"), async () => {
+  const { id } = await api.askJson("/v1/backups", "POST", {});
+  tell("The backup has started. It is listed here when it is complete.");
+  refresh();
+  await follow(id);
+  await refresh();
+  tell("The backup is complete.");
+}));
+
+// --- all of it
+
 async function refresh() {
   clearTimeout(timer);
   if (showing() !== "status") return;
@@ -79,8 +125,8 @@ async function refresh() {
     if (!document.hidden) {
       const start = performance.now();
       if (await showReady()) {
-        showFacts(parseMetrics(await api.plainText("/metrics")), performance.now() - start);
-        await Promise.all([showJobs(), refreshBackups()]);
+        showFacts(parseMetrics(await (await api.blobOf("/metrics")).text()), performance.now() - start);
+        await Promise.all([showJobs(), showBackups()]);
       }
       say(byId("status-status"), "");
     }
@@ -91,16 +137,10 @@ async function refresh() {
   timer = setTimeout(refresh, kPollMs);
 }
 
-whenBackupStarts(refresh);
+export function show() {
+  before = null;
+  tell("");
+  return refresh();
+}
 
-export const statusView = {
-  title: "Status",
-  show() {
-    before = null;
-    return refresh();
-  },
-  hide() {
-    clearTimeout(timer);
-    forgetBackups();
-  },
-};
+export const hide = () => clearTimeout(timer);

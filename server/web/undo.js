@@ -18,8 +18,8 @@ export const isLeaving = (path) => pending.has(path);
 export const settle = async (path) => { await pending.get(path)?.(); };
 
 // paths: for DELETE. restore(error, some): called on undo with null and all paths, and after a failure with the reason
-// and the remaining paths. done: called when all are deleted.
-export function deleteLater({ paths, text, restore, done }) {
+// and the remaining paths.
+export function deleteLater({ paths, text, restore }) {
   const bar = make("progress", { max: kUndoMs, value: kUndoMs, "aria-label": "Time left to undo" });
   const undo = makeButton("Undo", () => { finish(); restore(null, paths); });
   const notice = make("div", { class: "notice" }, make("p", { text }), make("div", { class: "row" }, undo, bar));
@@ -42,7 +42,6 @@ export function deleteLater({ paths, text, restore, done }) {
     }));
     finish();
     if (failed.length) restore(failed[0].error, failed.map(({ item }) => item));
-    else done?.();
   };
   const timer = setInterval(() => {
     const held = notice.matches(":hover") || notice.contains(document.activeElement);

@@ -2,32 +2,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Problem codes, scores and answers in sentences.
 
+// For codes whose detail from the server does not tell people enough.
 const kNotReadable = "Pliant cannot read this file as an image. Try a JPEG or PNG file.";
 const kProblems = {
-  first_key_admin: "Create an admin key first.",
   last_admin_key: "This is the last admin key. Create another admin key first.",
   backup_not_found: "This backup no longer exists.",
-  backup_exists: "A backup with this name already exists.",
   key_not_found: "This key is already revoked.",
   no_vocabulary: "The collection is empty, or search is still being prepared. Add images, or try again in a moment.",
   no_images: "There are no images to train on. Add images first.",
   interrupted: "The server stopped during this job. Start the job again.",
   content_not_kept: "The server does not store the original of this image.",
   image_not_found: "This image no longer exists.",
-  object_not_found: "This object does not exist.",
-  collection_not_found: "This collection does not exist.",
   request_timeout: "The upload took too long. Check your connection.",
-  cross_site: "The server accepts changes from its own page only.",
-  host_not_allowed: "Unknown host name. The operator can allow it with --allowed-hosts.",
   read_only: "The server cannot write to its storage.",
-  too_many_open_files: "The server is busy.",
   image_type_unknown: kNotReadable,
   unsupported_content_type: kNotReadable,
-  image_empty: "The file is empty.",
   image_truncated: "The file ends too early. The download or copy may be incomplete.",
   image_corrupt: "The file is damaged and cannot be read.",
-  image_too_large: "The image has more pixels than this server accepts.",
-  image_too_small: "The image is too small to recognise anything.",
   too_few_features: "The image has too little detail. Try a sharper image in which the object is larger.",
   precondition_failed: "Someone else changed this image. Cancel, and edit it again.",
   no_space: "The server's disk is full.",

@@ -85,7 +85,7 @@ test("images are called what their files are called, unless somebody says otherw
   assert.match(made[0], /^Photo \d{4}-\d\d-\d\d \d\d\.\d\d\.\d\d$/);
   assert.notEqual(made[0], made[1], "two of a name that says nothing are not one object");
   await page.waitForFunction(() => [...document.querySelectorAll(".upload-thumb")]
-    .every((canvas) => canvas.height > 1));
+    .every((image) => image.naturalHeight > 1));
   await house.shoot(page, "names");
 
   await page.locator("#add-object").fill("all of it");

@@ -25,24 +25,24 @@ async function withModules(use) {
 test("an affine map takes corner to corner", () => withModules(async (call) => {
   const from = [[1, 2], [11, 3], [4, 9]];
   const to = [[-3, 5], [8, 40], [0.5, -7]];
-  const [a, b, c, d, e, f] = (await call("warp.js", "affine", from, to)).value;
+  const [a, b, c, d, e, f] = (await call("compare.js", "affine", from, to)).value;
   for (const [i, [x, y]] of from.entries()) {
     assert.ok(Math.hypot(a * x + c * y + e - to[i][0], b * x + d * y + f - to[i][1]) < 1e-9);
   }
   const line = [[0, 0], [1, 1], [2, 2]];
-  assert.equal((await call("warp.js", "affine", line, to)).value, null);
+  assert.equal((await call("compare.js", "affine", line, to)).value, null);
 }));
 
 test("a mesh is cut into triangles; those with a corner that is not trusted are left out",
      () => withModules(async (call) => {
   const mesh = { columns: 3, rows: 2, reference_width: 21, reference_height: 11,
                  points: [[0, 0], [5, 0], [9, 1], [0, 4], [5, 5], [9, 6]] };
-  const all = (await call("warp.js", "triangles", mesh)).value;
+  const all = (await call("compare.js", "triangles", mesh)).value;
   assert.equal(all.length, 4);
   assert.deepEqual(all[0], { reference: [[0, 0], [10, 0], [10, 10]], query: [[0, 0], [5, 0], [5, 5]] });
   const area = ([[x0, y0], [x1, y1], [x2, y2]]) => ((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / 2;
   assert.equal(all.reduce((sum, one) => sum + area(one.reference), 0), 20 * 10);
-  const some = (await call("warp.js", "triangles",
+  const some = (await call("compare.js", "triangles",
                            { ...mesh, trusted: [true, true, false, true, true, true] })).value;
   assert.equal(some.length, 3);
 }));
@@ -51,7 +51,7 @@ test("a mesh is cut into triangles; those with a corner that is not trusted are 
 test("flattening puts every pixel where the mesh says", async () => {
   const page = await house.openPage(server.address);
   const worst = await page.evaluate(async () => {
-    const { drawFlattened } = await import("/assets/warp.js");
+    const { drawFlattened } = await import("/assets/compare.js");
     const query = new OffscreenCanvas(256, 256);
     const paint = query.getContext("2d");
     const pixels = paint.createImageData(256, 256);
@@ -80,7 +80,7 @@ test("flattening puts every pixel where the mesh says", async () => {
 
 test("a convex hull holds every point and only points that were given", () => withModules(async (call) => {
   const points = Array.from({ length: 40 }, (_, i) => [(i * 37) % 101, (i * i * 13) % 89]);
-  const hull = (await call("warp.js", "convexHull", points)).value;
+  const hull = (await call("compare.js", "convexHull", points)).value;
   assert.ok(hull.length > 2);
   for (const [i, [x0, y0]] of hull.entries()) {
     const [x1, y1] = hull[(i + 1) % hull.length];
@@ -180,7 +180,7 @@ test("the focus goes to what was added, or to what unfolds it", async () => {
     const { addHits, clearHits, focusHit, showRest } = await import("/assets/results.js");
     for (const id of ["workspace", "results-panel"]) document.getElementById(id).hidden = false;
     clearHits();
-    addHits(list.map((probability, i) => ({ image_id: `none-${i}`, object: `hit ${i}`, rank: i + 1, score: 0, probability })),
+    addHits(list.map((probability, i) => ({ image_id: `none-${i}`, name: `hit ${i}`, rank: i + 1, score: 0, probability })),
             new Map(), () => {});
     showRest(0);
     document.activeElement.blur();
