@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include "index/store/database_url.h"
 #include "server/http/problem.h"
@@ -23,7 +24,11 @@ Response MetricsText(Service& service) {
   response.content_type = "text/plain; version=0.0.4; charset=utf-8";
   MetricsNow now{service.pool.load(), stats ? &*stats : nullptr};
   if (service.ready()) {
-    now.jobs = service.jobs->Counts();
+    try {
+      now.jobs = service.jobs->Counts();
+    } catch (const Error& error) {
+      spdlog::warn("cannot count the jobs: {}", error.what());
+    }
     if (service.decoders() != nullptr) now.decoders = service.decoders()->size();
   }
   // Where it cannot be asked, as of a database that is gone, there is none to count on.

@@ -1,12 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Many images in one body, or in a folder on the server, added in the background.
-#include <filesystem>
-
 #include "index/store/database_url.h"
+#include "server/http/file_error.h"
 #include "server/http/problem.h"
-#include "server/jobs/bulk_import.h"
-#include "server/jobs/import_job.h"
+#include "server/jobs/import_jobs.h"
 #include "server/routes/adding.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
@@ -14,16 +12,6 @@
 namespace pliant::server {
 
 namespace {
-
-// The body waits in the database, beside which as much must stay free as uploads leave.
-void RequireSpace(const Service& service, std::size_t bytes) {
-  const EngineOptions& engine = service.options.engine;
-  std::error_code error;
-  const auto space = std::filesystem::space(FolderOf(engine.database), error);
-  if (!error && space.available < engine.reserve_bytes + bytes) {
-    throw ProblemError("no_space", "The server's disk has no space for this.");
-  }
-}
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
   const CollectionRecord collection =
@@ -35,14 +23,11 @@ Response Import(Service& service, const Request& request, const Parameters& para
   defaults.object = parameters.Text("object").value_or("");
   defaults.metadata = parameters.JsonObject("metadata").value_or("{}");
   defaults.object_from = parameters.Text("object_from").value_or("auto");
-  if (request.received) {
-    auto& upload = static_cast<BulkUpload&>(*request.received);
-    return JobResponse(
-        AddBulkImportJob(*service.jobs, collection, upload, request.content_type, defaults));
+  if (!request.received) {  // the database will have the body
+    RequireDiskSpace(FolderOf(service.options.engine.database), request.body.size(),
+                     service.options.engine.reserve_bytes);
   }
-  RequireSpace(service, request.body.size());
-  return JobResponse(
-      AddBulkImportJob(*service.jobs, collection, request.body, request.content_type, defaults));
+  return JobResponse(AddBulkImportJob(*service.jobs, collection, request, defaults));
 }
 
 // For a body that is too large for the database.

@@ -21,20 +21,19 @@ bool MaySee(const Caller& caller, const JobStatus& job) {
 }
 
 // The job that the {id} of the path names. Throws ProblemError "job_not_found".
-JobStatus JobOf(const JobQueue& jobs, const Request& request) {
+JobStatus JobOf(const JobStore& jobs, const Request& request) {
   JobStatus job = jobs.Get(request.captures.at("id"));
   if (!MaySee(request.caller, job)) ThrowJobNotFound();
   return job;
 }
 
 // The job as it is, or, when that was asked for, as soon as it has ended.
-Response JobAnswer(JobQueue& jobs, const Request& request, const Parameters& parameters) {
+Response JobAnswer(JobStore& jobs, const Request& request, const Parameters& parameters) {
   const JobStatus job = JobOf(jobs, request);
   const std::chrono::duration<double> patience(parameters.Number("wait").value_or(0));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
   }
-  jobs.LookNow();  // another server may have just made it
   Response later;
   later.wait = Wait{
       std::chrono::steady_clock::now() + std::chrono::ceil<std::chrono::milliseconds>(patience),
@@ -52,7 +51,7 @@ Response Items(Service& service, const Request& request, const Parameters& param
     if (digit < '0' || digit > '9' || first > kMostBulkItems) ThrowInvalidCursor();
     first = first * 10 + static_cast<std::uint64_t>(digit - '0');
   }
-  const auto texts = service.jobs->store().JobItems(id, first, limit + 1);
+  const auto texts = service.jobs->rows().JobItems(id, first, limit + 1);
   Json items = Json::array();
   for (std::size_t i = 0; i < texts.size() && i < static_cast<std::size_t>(limit); ++i) {
     Json item = Json::parse(texts[i], nullptr, /*allow_exceptions=*/false);

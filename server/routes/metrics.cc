@@ -222,9 +222,10 @@ std::string Metrics::Text(const MetricsNow& now) {
   m.cpu_seconds.Set(CpuSeconds());
   for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
                                JobState::kFailed, JobState::kCancelled}) {
-    const auto count = now.jobs.find(state);
+    if (!now.jobs) break;  // they keep their values
+    const auto count = now.jobs->find(state);
     m.jobs.Add({{"state", JobStateName(state)}})
-        .Set(count == now.jobs.end() ? 0 : static_cast<double>(count->second));
+        .Set(count == now.jobs->end() ? 0 : static_cast<double>(count->second));
   }
   if (now.stats != nullptr) {
     const EngineStats& stats = *now.stats;
