@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Puts many image files into the index, several threads, one image each: what `pliant index`
-// and the server's imports do.
+// Indexes many image files with several threads, one image each: for `pliant index` and the imports
+// of the server.
 #pragma once
 
 #include <cstdint>
@@ -18,17 +18,17 @@ namespace pliant {
 
 struct FolderImportOptions {
   std::string collection = kDefaultCollection;
-  int threads = 0;             // 0 = one a core; a single image gets all of them
+  int threads = 0;             // 0 = one per core; a single image gets all of them
   std::int64_t max_bytes = 0;  // of one image
-  // A canonical path. Then files that a link leads out of it are skipped ("outside"), and names and
-  // reasons are said relative to it, so that nobody learns where it lies. Empty: no such limit.
+  // A canonical path: files that a link leads out of it are skipped ("outside"), and names and
+  // reasons are relative to it, so that they do not reveal its location. Empty = no such limit.
   std::filesystem::path root;
   std::stop_token stop;
-  // Each may be empty, and is called from any of the threads. `skipped` also hears of what the
-  // search for images has left out.
+  // Each may be empty, and is called from any of the threads. `skipped` also gets the files that
+  // the search for images left out.
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;
   std::function<void(const SkippedFile&)> skipped;
-  // In place of Engine::Add, for those that share out the cores or wait when the database is busy.
+  // Instead of Engine::Add, for callers that share the cores or wait when the database is busy.
   std::function<AddResult(const AddRequest&)> add;
 };
 
@@ -39,9 +39,9 @@ struct FolderImportResult {
   bool interrupted = false;          // stopped before the last one
 };
 
-// What concerns one image (unreadable, no image, too few features) skips it; what concerns all
-// (disk full, database busy or damaged, model mismatch) ends the import and is thrown. Everything
-// counted as indexed is durable.
+// A fault of one image (unreadable, no image, too few features) skips it; a fault of all (disk
+// full, database busy or damaged, model mismatch) ends the import and is thrown. The images that
+// are counted as indexed are durable.
 FolderImportResult ImportImages(Engine& engine, const ImageFiles& files,
                                 const FolderImportOptions& options);
 

@@ -3,7 +3,6 @@
 #include <string_view>
 
 #include "descriptor/image/prepare_decoders.h"
-#include "server/app/command_line.h"
 #include "server/app/run_server.h"
 #include "server/auth/keys_command.h"
 #include "server/decoder/decoder_main.h"

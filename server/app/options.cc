@@ -3,22 +3,195 @@
 #include "server/app/options.h"
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <regex>
+#include <variant>
 #include <vector>
 
+#include <CLI/CLI.hpp>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <nlohmann/json.hpp>
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/strings.h"
 #include "index/store/database_url.h"
+#include "index/usage/checks.h"
+#include "index/usage/usage_error.h"
 
 namespace pliant::server {
 
 namespace {
+
+using O = ServerOptions;
+
+struct Flag {
+  const char* name;
+  std::variant<int O::*, bool O::*, std::string O::*> value;
+  const char* help;
+  int lowest = 0, highest = 0;  // of a number
+  const char* words = "";       // that a text can be, separated by commas; empty = any
+};
+
+// In the order of --help.
+const Flag kFlags[] = {
+    {"--db", &O::database, "Database: a file, created if it does not exist, or a PostgreSQL URL"},
+    {"--listen", &O::listen, "HOST:PORT to listen on; port 0 = any free port"},
+    {"--allow-anonymous", &O::allow_anonymous,
+     "Listen beyond loopback without API keys: anyone can then do everything"},
+    {"--descriptor", &O::descriptor,
+     "Descriptor of a new database; default: the database's, deal for a new one"},
+    {"--model", &O::model, "Weight file of deal; default: the installed one"},
+    {"--keep-originals", &O::keep_originals, "Store uploaded images, for content and thumbnails"},
+    {"--originals-dir", &O::originals_dir,
+     "Directory for uploaded images, or `database`; default: keep the current location"},
+    {"--auto-train", &O::auto_train, "Train vocabularies in the background"},
+    {"--check-database", &O::check_database,
+     "Read the whole database file at the start and refuse a damaged one"},
+    {"--decoder", &O::decoder,
+     "Decode images in sandboxed child processes (process), or in the server (inside)", 0, 0,
+     "process,inside"},
+    {"--log-level", &O::log_level, "debug, info, warn or error", 0, 0, "debug,info,warn,error"},
+    {"--log-format", &O::log_format, "text, or json: one object per line", 0, 0, "text,json"},
+    {"--import-dir", &O::import_dir,
+     "Directory whose folders can be imported over HTTP; default: none"},
+    {"--backup-dir", &O::backup_dir, "Directory for backups over HTTP; default: none"},
+    {"--tls-cert", &O::tls_cert, "PEM file with the certificate chain; enables HTTPS"},
+    {"--tls-key", &O::tls_key, "PEM file with the private key"},
+    {"--cors-origins", &O::cors_origins,
+     "Origins whose pages can send requests, separated by commas, or *; default: only the server's "
+     "page"},
+    {"--allowed-hosts", &O::allowed_hosts,
+     "Further host names of the server, separated by commas, or *"},
+    {"--fetch-hosts", &O::fetch_hosts,
+     "Hosts for image_url, separated by commas: NAME, *.SUFFIX, either with :PORT, or *; default: "
+     "none"},
+    {"--fetch-private", &O::fetch_private,
+     "Also fetch from loopback and private addresses of --fetch-hosts"},
+    {"--cores", &O::cores, "Cores for describing and ranking; 0 = all", 0, 1024},
+    {"--http-threads", &O::http_threads, "Requests served at once", 1, 4096},
+    {"--connection-queue", &O::connection_queue, "Requests that wait for a thread; others get 503",
+     1, 65536},
+    {"--max-connections", &O::max_connections, "Open connections; others get 503", 1, 1'000'000},
+    {"--connections-per-address", &O::connections_per_address,
+     "Open connections of one address; others get 503; 0 = no limit", 0, 1'000'000},
+    {"--queue-length", &O::queue_length,
+     "Searches, and as many uploads, that wait for a core; others get 503", 1, 65536},
+    {"--queue-timeout", &O::queue_timeout_s, "Seconds to wait for a core; then 503", 1, 3600},
+    {"--max-body-mb", &O::max_body_mb, "Largest body of a request in MiB", 1, 1024},
+    {"--max-import-mb", &O::max_import_mb,
+     "Largest body of an images:import in MiB; 0 = the free disk space less --reserve-mb", 0,
+     1'000'000'000},
+    {"--max-inflight-mb", &O::max_inflight_mb,
+     "Bodies of all requests and unsent answers at once in MiB; others get 503", 1, 1048576},
+    {"--max-header-kb", &O::max_header_kb, "Largest headers of a request in KiB", 1, 1024},
+    {"--max-megapixels", &O::max_megapixels, "Largest image in megapixels, checked before decoding",
+     1, 10000},
+    {"--max-decode-mb", &O::max_decode_mb,
+     "Memory to decode one image in MiB, checked before decoding", 16, 65536},
+    {"--decode-timeout", &O::decode_timeout_s,
+     "Seconds to decode one image (with --decoder process)", 1, 3600},
+    {"--reserve-mb", &O::reserve_mb,
+     "Disk space in MiB that uploads leave free, so that images can still be removed", 0,
+     1'048'576},
+    {"--max-keypoints", &O::max_keypoints,
+     "Keypoints per image and described size, at least 16; 0 = the database's value, 1024 for a "
+     "new one",
+     0, 4096},
+    {"--max-side", &O::max_side_px,
+     "Longer side in pixels to which larger images are scaled, at least 64; 0 = the database's "
+     "value, 1024 for a new one",
+     0, 16384},
+    {"--rate-limit", &O::rate_limit,
+     "Requests per second of one key (without keys: of one address); others get 429; 0 = no limit",
+     0, 1'000'000},
+    {"--rate-burst", &O::rate_burst, "Requests allowed at once before --rate-limit applies", 1,
+     1'000'000},
+    {"--fetch-timeout", &O::fetch_timeout_s, "Seconds to fetch one image, with all redirects", 1,
+     300},
+    {"--idle-timeout", &O::idle_timeout_s, "Seconds until the server closes an idle connection", 1,
+     3600},
+    {"--header-timeout", &O::header_timeout_s, "Seconds for the headers of a request", 1, 3600},
+    {"--body-timeout", &O::body_timeout_s, "Seconds for the body of a request", 1, 3600},
+    {"--write-timeout", &O::write_timeout_s,
+     "Seconds in which a client must accept a piece of the answer", 1, 3600},
+    {"--shutdown-timeout", &O::shutdown_timeout_s, "Seconds for running requests after SIGTERM", 0,
+     3600},
+};
+
+std::string EnvironmentName(const std::string& flag) {
+  std::string name = "PLIANT_" + flag.substr(2);
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return c == '-' ? '_' : static_cast<char>(toupper(c)); });
+  return name;
+}
+
+void Define(CLI::App& app, ServerOptions& options) {
+  for (const Flag& flag : kFlags) {
+    CLI::Option* option = std::visit(
+        [&](auto member) { return app.add_option(flag.name, options.*member, flag.help); },
+        flag.value);
+    option->envname(EnvironmentName(flag.name))->capture_default_str();
+    if (const auto* member = std::get_if<bool O::*>(&flag.value)) {
+      option->default_str(options.**member ? "true" : "false")->type_name("BOOL");
+    }
+    if (flag.highest > 0) option->check(cli::Between(flag.lowest, flag.highest));
+    if (*flag.words != '\0') option->check(cli::OneOf(Split(flag.words, ',')));
+  }
+  app.get_option("--db")->required();
+  app.set_config("--config", "", "Configuration file (TOML), for example `http-threads = 32`");
+  app.allow_config_extras(CLI::config_extras_mode::error);  // refuse unknown names
+  app.add_flag("--print-config")
+      ->description("Print the effective configuration as such a file, and exit");
+  app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
+  app.failure_message(cli::UsageError);
+  app.footer(
+      "Commands: pliant-server keys create|list|revoke|purge manages API keys.\n"
+      "Example:  pliant-server --db my.db --listen 127.0.0.1:8080\n"
+      "          pliant-server keys create --db my.db --name shop --scope write");
+}
+
+// CLI11 lets the file override the environment. Operators expect the opposite: this turns variables
+// into flags, unless the flag is given.
+std::vector<std::string> WithEnvironment(const CLI::App& app, int argc, const char* const* argv) {
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  std::vector<std::string> from_environment;
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string flag = option->get_name();
+    const std::string name = option->get_envname();
+    const char* value = name.empty() ? nullptr : std::getenv(name.c_str());
+    const bool given = std::any_of(arguments.begin(), arguments.end(), [&](const auto& argument) {
+      return argument == flag || argument.starts_with(flag + "=");
+    });
+    if (value == nullptr || given) continue;
+    from_environment.push_back(flag);  // apart from its value, which may be empty
+    from_environment.emplace_back(value);
+  }
+  arguments.insert(arguments.end(), from_environment.begin(), from_environment.end());
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants it
+  return arguments;
+}
+
+// The effective configuration, in the form that --config reads. It has no secrets: keys of clients
+// are in the database, and --tls-key is the name of a file.
+std::string ConfigText(const CLI::App& app) {
+  std::string text = "# pliant-server --config THIS\n";
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string flag = option->get_name();
+    if (option->get_envname().empty() || !flag.starts_with("--")) continue;
+    std::string value = option->count() > 0 ? option->as<std::string>() : option->get_default_str();
+    const bool bare =
+        option->get_type_name() == "BOOL" || option->get_type_name().starts_with("INT");
+    if (!bare) value = nlohmann::json(value).dump();  // TOML escapes strings as JSON does
+    text += flag.substr(2) + " = " + value + "\n";
+  }
+  return text;
+}
 
 constexpr std::size_t kKiB = 1024;
 constexpr std::size_t kMiB = 1024 * kKiB;
@@ -41,7 +214,7 @@ bool AllLoopback(const std::string& host) {
   addrinfo* found = nullptr;
   if (getaddrinfo(host.c_str(), nullptr, &hints, &found) != 0) {
     throw Error(ErrorCode::kInvalidArgument, "invalid_listen",
-                "--listen: the host '" + host + "' cannot be resolved");
+                "--listen: cannot resolve the host '" + host + "'");
   }
   bool all = true;
   for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
@@ -82,36 +255,39 @@ void CheckDirectories(const ServerOptions& options) {
     }
   }
   if (options.backup_dir.empty() || IsDatabaseUrl(options.database)) return;
-  // A backup is downloaded and deleted by its name: the database must have none there. A link to
-  // the database lies elsewhere than the file and its log.
+  // Clients download and delete backups by name, so the database must have no name there. A link
+  // to the database is not in the directory of the file and its log.
   const fs::path database = fs::absolute(options.database, ignored);
   for (const fs::path& name : {database, fs::weakly_canonical(database, ignored)}) {
     if (!fs::equivalent(name.parent_path(), options.backup_dir, ignored)) continue;
     Fail("backup-dir", options.backup_dir +
-                           " holds the database itself, which could be downloaded and deleted as "
-                           "one of its backups; name a directory of its own, such as " +
+                           " holds the database itself, and clients could download and delete it "
+                           "as a backup; use another directory, such as " +
                            (fs::path(options.backup_dir) / "backups").string());
   }
 }
 
 void CheckFetching(const ServerOptions& options) {
-  const auto fail = [](const std::string& why) {
-    throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--fetch-" + why);
-  };
   try {
     const FetchHosts hosts(Split(options.fetch_hosts, ','));
-    if (options.fetch_private && hosts.AllowsAny()) {
-      fail(
-          "private needs named hosts: with --fetch-hosts * whoever may search could reach every "
-          "service of this machine and its network");
-    }
+    if (!options.fetch_private || !hosts.AllowsAny()) return;
   } catch (const Error& error) {
-    if (error.reason() != "fetch_hosts_invalid") throw;
-    fail("hosts: " + std::string(error.what()));
+    Fail("fetch-hosts", "is invalid: " + std::string(error.what()));
+  }
+  Fail("fetch-private",
+       "needs named hosts: with --fetch-hosts * anyone who can search could reach every service of "
+       "this machine and its network");
+}
+
+// Each of the values, which commas separate, must match `form`.
+void CheckEach(const std::string& flag, const std::string& values, const char* form,
+               const std::string& rule) {
+  for (const std::string& one : Split(values, ',')) {
+    if (!std::regex_match(one, std::regex(form))) Fail(flag, rule + ", not '" + one + "'");
   }
 }
 
-// Requests hold a thread while an image is fetched for them; the others are for other requests.
+// A request holds a thread while it fetches an image; the others are for other requests.
 FetchOptions MakeFetchOptions(const ServerOptions& options) {
   constexpr int kShareOfThreads = 4;
   return {.hosts = Split(options.fetch_hosts, ','),
@@ -124,28 +300,50 @@ FetchOptions MakeFetchOptions(const ServerOptions& options) {
 
 }  // namespace
 
+ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
+  ParsedCommandLine parsed;
+  if (argc > 1 && argv[1][0] != '-' && argv[1][0] != '\0') {
+    std::fprintf(
+        stderr,
+        "pliant-server has no command %s%s\nRun pliant-server --help for more information.\n",
+        argv[1], cli::DidYouMean(argv[1], {"keys"}).c_str());
+    parsed.finished = true;
+    parsed.exit_status = 2;
+    return parsed;
+  }
+  CLI::App app("Pliant's HTTP server: find the same object again, however it is bent.",
+               "pliant-server");
+  Define(app, parsed.options);
+  try {
+    app.parse(WithEnvironment(app, argc, argv));
+    if (app.count("--print-config") > 0) {
+      std::fputs(ConfigText(app).c_str(), stdout);
+      parsed.finished = parsed.printed_config = true;
+    }
+  } catch (const CLI::ParseError& error) {
+    parsed.finished = true;
+    parsed.exit_status = app.exit(error) == 0 ? 0 : 2;
+  }
+  return parsed;
+}
+
+std::string HelpText() {
+  ServerOptions options;
+  CLI::App app("", "pliant-server");
+  Define(app, options);
+  return app.help();
+}
+
 void CheckOptions(const ServerOptions& options) {
   CheckDirectories(options);
   if (options.tls_cert.empty() != options.tls_key.empty()) {
     Fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
   }
   CheckFetching(options);
-  const std::regex host(R"(\*|[A-Za-z0-9._\-]+)");
-  for (const std::string& one : Split(options.allowed_hosts, ',')) {
-    if (!std::regex_match(one, host)) {
-      Fail("allowed-hosts",
-           "must be names like images.example without scheme and port, with "
-           "commas between, or *, not '" +
-               one + "'");
-    }
-  }
-  const std::regex origin(R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)");
-  for (const std::string& one : Split(options.cors_origins, ',')) {
-    if (!std::regex_match(one, origin)) {
-      Fail("cors-origins",
-           "must be like https://shop.example, separated by commas, or *, not '" + one + "'");
-    }
-  }
+  CheckEach("allowed-hosts", options.allowed_hosts, R"(\*|[A-Za-z0-9._\-]+)",
+            "must be names like images.example without scheme and port, separated by commas, or *");
+  CheckEach("cors-origins", options.cors_origins, R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)",
+            "must be like https://shop.example, separated by commas, or *");
 }
 
 HttpOptions MakeHttpOptions(const ServerOptions& options) {
@@ -223,10 +421,9 @@ void CheckExposure(const ServerOptions& options, bool has_keys) {
       ErrorCode::kInvalidArgument, "no_keys",
       "--listen " + options.listen +
           " is reachable from other machines, and there are no API keys: anyone who reaches the "
-          "port could read, add and delete everything. Make a key with: pliant-server keys "
-          "create --scope admin --name NAME --db " +
-          options.database +
-          "; or listen on 127.0.0.1, or use --allow-anonymous true if that is intended.");
+          "port could read, add and delete everything. Create a key: pliant-server keys create "
+          "--scope admin --name NAME --db " +
+          options.database + ". Or listen on 127.0.0.1, or use --allow-anonymous true.");
 }
 
 }  // namespace pliant::server

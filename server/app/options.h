@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The options of the server, and the options of its parts derived from them. The flags are defined
-// in command_line.
+// The options of the server, from flags, environment and configuration file, in this order of
+// precedence, and the options of its parts derived from them.
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,7 @@ struct ServerOptions {
   int max_inflight_mb = 512;  // of bodies, over all requests
   int max_header_kb = 32;
   int max_megapixels = 100;
-  int max_decode_mb = 256;  // of memory, an image
+  int max_decode_mb = 256;  // of memory, per image
   int decode_timeout_s = 30;
   int reserve_mb = 64;    // of the disk, which uploads may not take
   int max_keypoints = 0;  // 0 = as the database was made
@@ -57,17 +57,30 @@ struct ServerOptions {
   std::string log_level = "info";   // debug, info, warn, error
   std::string log_format = "text";  // text, json
 
-  std::string import_dir;     // images may be imported from below it; empty = off
+  std::string import_dir;     // images can be imported from below it; empty = off
   std::string backup_dir;     // backups over HTTP go there; empty = off
   std::string tls_cert;       // PEM file; empty = no TLS
   std::string tls_key;        // PEM file
   std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
   std::string allowed_hosts;  // "images.example,shop.example", "*"; empty = own names only
 
-  std::string fetch_hosts;  // that images are fetched from, see FetchHosts; empty = none
+  std::string fetch_hosts;  // for image_url, see FetchHosts; empty = none
   int fetch_timeout_s = 10;
   bool fetch_private = false;  // also where these have private addresses
 };
+
+struct ParsedCommandLine {
+  ServerOptions options;
+  bool finished = false;        // after help, version or a usage error: exit with exit_status
+  bool printed_config = false;  // finished, by --print-config
+  int exit_status = 0;
+};
+
+// Prints help, version, or a usage error (exit status 2).
+ParsedCommandLine ParseCommandLine(int argc, const char* const* argv);
+
+// The help text, for the test that compares it with the documentation.
+std::string HelpText();
 
 // Throws Error kInvalidArgument naming the flag: a path that is not a directory, a directory of
 // backups that holds the database, a certificate without key, an invalid origin.
@@ -75,7 +88,7 @@ void CheckOptions(const ServerOptions& options);
 
 // Splits "HOST:PORT" and checks the whole. Throw Error kInvalidArgument naming the flag.
 HttpOptions MakeHttpOptions(const ServerOptions& options);
-// Nothing where images are decoded inside the server's process.
+// Nothing with --decoder inside.
 std::optional<DecoderOptions> MakeDecoderOptions(const ServerOptions& options);
 ServiceOptions MakeServiceOptions(const ServerOptions& options);
 

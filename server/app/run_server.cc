@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -14,14 +15,16 @@
 #include <thread>
 
 #include <pthread.h>
+#include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
 #include "index/cli/flag_names.h"
 #include "index/store/open_store.h"
-#include "server/app/logging.h"
 #include "server/auth/gate.h"
 #include "server/http/http_server.h"
+#include "server/http/json.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -31,6 +34,70 @@ namespace {
 using Seconds = std::chrono::seconds;
 
 constexpr Seconds kGraceAfterDeadline{5};
+constexpr const char* kTextPattern = "%Y-%m-%dT%H:%M:%S.%eZ %l %v";
+constexpr const char* kJsonPattern = R"({"time":"%Y-%m-%dT%H:%M:%S.%eZ","level":"%l",%*})";
+
+// The message as members of a JSON object. A message that is an object keeps its members.
+class JsonMembers : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    const std::string text(message.payload.data(), message.payload.size());
+    const std::string members = text.starts_with("{\"event\":")
+                                    ? text.substr(1, text.size() - 2)
+                                    : "\"message\":" + ToText(Json(text));
+    out.append(members.data(), members.data() + members.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<JsonMembers>();
+  }
+};
+
+bool json_lines = false;  // set once, before any thread
+
+std::string RequestText(const RequestRecord& record) {
+  return fmt::format("{} {} {} {} in={} out={} ms={:.1f} from={} id={}{}{}{}", record.method,
+                     record.path, record.status, record.route, record.bytes_in, record.bytes_out,
+                     record.seconds * 1000, record.remote_address, record.id,
+                     record.key_id.empty() ? "" : " key=" + record.key_id,
+                     record.code.empty() ? "" : " code=" + record.code,
+                     record.internal.empty() ? "" : " cause=" + record.internal);
+}
+
+std::string RequestJson(const RequestRecord& record) {
+  Json json = {{"event", "request"},
+               {"method", record.method},
+               {"path", record.path},
+               {"status", record.status},
+               {"route", record.route},
+               {"bytes_in", record.bytes_in},
+               {"bytes_out", record.bytes_out},
+               {"ms", std::round(record.seconds * 1e4) / 10},
+               {"client", record.remote_address},
+               {"request_id", record.id}};
+  if (!record.key_id.empty()) json["key"] = record.key_id;
+  if (!record.code.empty()) json["code"] = record.code;
+  if (!record.internal.empty()) json["cause"] = record.internal;
+  return ToText(json);
+}
+
+void StartLog(const ServerOptions& options) {
+  json_lines = options.log_format == "json";
+  auto formatter = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
+  formatter->add_flag<JsonMembers>('*').set_pattern(json_lines ? kJsonPattern : kTextPattern);
+  auto logger = spdlog::stderr_logger_mt("pliant-server");
+  logger->set_formatter(std::move(formatter));
+  logger->set_level(spdlog::level::from_str(options.log_level));
+  logger->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(std::move(logger));
+}
+
+// One line per request. No key, no query, no content.
+void LogRequest(const RequestRecord& record) {
+  const auto level = record.status >= 500 ? spdlog::level::warn : spdlog::level::info;
+  if (!spdlog::should_log(level)) return;
+  spdlog::log(level, "{}", json_lines ? RequestJson(record) : RequestText(record));
+}
 
 // Must run before any thread starts: they inherit the mask, so that only sigwait() sees these.
 sigset_t BlockStopSignals() {
@@ -69,7 +136,7 @@ void AllowConnections(int connections) {
   if (files.rlim_max != RLIM_INFINITY &&
       files.rlim_max < static_cast<rlim_t>(connections) + kOthers) {
     spdlog::warn(
-        "the system allows {} open files: too few for --max-connections {}; raise the "
+        "the system's limit of {} open files is too low for --max-connections {}; raise the "
         "limit (ulimit -Hn, LimitNOFILE) or lower the option",
         files.rlim_max, connections);
   }
@@ -81,7 +148,7 @@ void AllowConnections(int connections) {
   std::_Exit(status);
 }
 
-// For what takes long and cannot be interrupted: the database survives being left at any moment.
+// For long work that cannot be interrupted: the database survives an end at any moment.
 void RunUnlessStopped(const sigset_t& signals, const std::function<void()>& work) {
   std::future<void> done = std::async(std::launch::async, work);
   while (done.wait_for(std::chrono::milliseconds(0)) != std::future_status::ready) {
@@ -90,15 +157,14 @@ void RunUnlessStopped(const sigset_t& signals, const std::function<void()>& work
   done.get();
 }
 
-// Ends the process when a second signal comes, or when what runs does not end although its
-// connections were cut off.
+// Ends the process at a second signal, or when requests still run after the deadline.
 void StartWatchdog(const sigset_t& signals, Seconds patience) {
-  // It may be woken while what is static is already being taken down: the log of its own stays.
+  // Static objects may be gone when it wakes, so it holds the log.
   std::thread watchdog([signals, patience, log = spdlog::default_logger()] {
     if (StopSignalWithin(signals, patience)) {
-      log->warn("second signal: ending at once");
+      log->warn("second signal: the server ends at once");
     } else {
-      log->warn("still busy after the deadline: ending at once");
+      log->warn("requests still run after the deadline: the server ends at once");
     }
     log->flush();
     std::_Exit(1);
@@ -124,29 +190,30 @@ int StopServing(HttpServer& http, Service& service, const ServerOptions& options
 }  // namespace
 
 void PrintDecoderProtection(const ServerOptions& options) {
-  std::string text = "inside the server's process";
+  std::string text = "in the server";
   if (const auto decoder = MakeDecoderOptions(options)) {
     try {
       const DecoderPool pool(*decoder);
-      text = "in processes of their own; memory and time are limited, system calls ";
-      text += pool.missing().empty() ? "are, too" : "are not (" + pool.missing() + ")";
+      text = "in child processes with limits on memory and time, and ";
+      text += pool.missing().empty() ? "on system calls"
+                                     : "none on system calls (" + pool.missing() + ")";
     } catch (const Error& error) {
-      text = std::string("nowhere: ") + error.what();
+      text = std::string("by nothing: ") + error.what();
     }
   }
   std::printf("# Images are decoded %s.\n", text.c_str());
 }
 
 int RunServer(const ServerOptions& options) {
-  // A file that may not grow any more (ulimit -f) is an error of the writing, as a full disk is.
+  // A file at its size limit (ulimit -f) is a failed write, as a full disk is.
   std::signal(SIGXFSZ, SIG_IGN);
-  std::signal(SIGCHLD, SIG_DFL);  // who starts us may ignore it; then decoders' ends would be lost
+  std::signal(SIGCHLD, SIG_DFL);  // our parent may ignore it; then waitpid() would fail
   const sigset_t signals = BlockStopSignals();
   StartLog(options);
   try {
     CheckOptions(options);
     AllowConnections(options.max_connections);
-    // Before anything writes to it, even the log of a database that does not belong to it.
+    // Before anything writes to the database.
     if (options.check_database) {
       RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.database); });
     }
@@ -164,7 +231,7 @@ int RunServer(const ServerOptions& options) {
           LogRequest(record);
         });
     http.Start();
-    RunUnlessStopped(signals, [&] { service.Open(); });  // while /livez answers already
+    RunUnlessStopped(signals, [&] { service.Open(); });  // /livez answers meanwhile
     keys.Open();
     http.SetReady(true);
     std::printf("listening on %s\n", AddressText(http_options, http.port()).c_str());

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -11,6 +12,7 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
+#include "index/files/text.h"
 #include "index/store/open_store.h"
 
 namespace pliant::server {
@@ -24,10 +26,7 @@ constexpr std::size_t kLongestName = 100;
 
 bool IsName(const std::string& name) {
   return name.size() > 3 && name.size() <= kLongestName && name.ends_with(kSuffix) &&
-         name.front() != '.' && std::all_of(name.begin(), name.end(), [](char c) {
-           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                  c == '.' || c == '_' || c == '-';
-         });
+         name.front() != '.' && IsNameOf(name, "._-");
 }
 
 std::string NameOfNow() {
@@ -38,35 +37,34 @@ std::string NameOfNow() {
                      fmt::gmtime(std::chrono::system_clock::to_time_t(now)), ms, kSuffix);
 }
 
+[[noreturn]] void ThrowOff() {
+  throw ProblemError("backups_off", "Backups are off. Start the server with --backup-dir DIR.");
+}
+
 [[noreturn]] void ThrowNotFound() {
   throw ProblemError("backup_not_found", "There is no backup of this name.");
 }
 
-bool Stat(const fs::path& path, BackupFile* file) {
+// Nothing if it is no regular file with the name of a backup.
+std::optional<BackupFile> Find(const fs::path& path) {
   struct stat info{};
-  if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return false;
-  file->name = path.filename().string();
-  file->bytes = static_cast<std::uint64_t>(info.st_size);
-  file->created_ms = std::int64_t{info.st_mtim.tv_sec} * 1000 + info.st_mtim.tv_nsec / 1'000'000;
-  return true;
+  const std::string name = path.filename().string();
+  if (!IsName(name) || ::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return {};
+  return BackupFile{name, static_cast<std::uint64_t>(info.st_size),
+                    std::int64_t{info.st_mtim.tv_sec} * 1000 + info.st_mtim.tv_nsec / 1'000'000};
 }
 
 }  // namespace
 
 void Backups::RequireDirectory() const {
-  if (!directory_.empty()) return;
-  throw ProblemError("backups_off",
-                     "The operator has named no directory for backups (--backup-dir).");
+  if (directory_.empty()) ThrowOff();
 }
 
 std::vector<BackupFile> Backups::List() const {
   RequireDirectory();
   std::vector<BackupFile> files;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
-    BackupFile file;
-    if (IsName(entry.path().filename().string()) && Stat(entry.path(), &file)) {
-      files.push_back(std::move(file));
-    }
+    if (auto file = Find(entry.path())) files.push_back(*std::move(file));
   }
   std::sort(files.begin(), files.end(), [](const BackupFile& a, const BackupFile& b) {
     return std::pair(b.created_ms, b.name) < std::pair(a.created_ms, a.name);
@@ -76,9 +74,9 @@ std::vector<BackupFile> Backups::List() const {
 
 BackupFile Backups::Get(const std::string& name) const {
   RequireDirectory();
-  BackupFile file;
-  if (!IsName(name) || !Stat(directory_ / name, &file)) ThrowNotFound();
-  return file;
+  const auto file = IsName(name) ? Find(directory_ / name) : std::nullopt;
+  if (!file) ThrowNotFound();
+  return *file;
 }
 
 std::shared_ptr<const BodyFile> Backups::Content(const std::string& name) const {
@@ -93,10 +91,10 @@ std::shared_ptr<const BodyFile> Backups::Content(const std::string& name) const 
 }
 
 void Backups::Remove(const std::string& name) const {
-  Get(name);  // or it is not there, or is no file
+  Get(name);  // throws if it does not exist
   std::error_code error;
   const bool removed = fs::remove(directory_ / name, error);
-  if (!error && !removed) ThrowNotFound();  // somebody was faster
+  if (!error && !removed) ThrowNotFound();  // another request was faster
   if (!error) return;
   const bool read_only = error == std::errc::permission_denied ||
                          error == std::errc::operation_not_permitted ||
@@ -105,28 +103,21 @@ void Backups::Remove(const std::string& name) const {
               (directory_ / name).string() + ": " + error.message());
 }
 
-fs::path Backups::PathOfNew(const std::string& name) const {
+JobStatus Backups::Add(JobStore& jobs, std::string name) const {
   RequireDirectory();
+  if (name.empty()) name = NameOfNow();
   if (!IsName(name)) {
     throw ProblemError("invalid_parameter",
                        "name must be letters, digits, . _ - and end in \".db\".")
         .Parameter("name");
   }
-  const fs::path path = directory_ / name;
-  if (fs::exists(fs::symlink_status(path))) {
-    throw ProblemError("backup_exists", "There is a backup of this name. Give another.");
+  if (fs::exists(fs::symlink_status(directory_ / name))) {
+    throw ProblemError("backup_exists", "A backup of this name exists. Choose another name.");
   }
-  return path;
-}
-
-JobStatus Backups::Add(JobQueue& jobs, std::string name) const {
-  RequireDirectory();
-  if (name.empty()) name = NameOfNow();
-  PathOfNew(name);  // or it says what is wrong with the name
   return jobs.Add("backup", "", Json{{"name", name}});
 }
 
-void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
+void Backups::RegisterJob(JobRunner& runner, Engine& engine) const {
   if (!directory_.empty()) {
     const std::uint64_t removed = RemoveAbandonedBackups(directory_);
     if (removed > 0) spdlog::info("removed {} incomplete backups", removed);
@@ -134,12 +125,11 @@ void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
   JobKind kind;
   kind.run = [directory = directory_, &engine](const JobStatus& job, const JobContext&) {
     const std::string name = job.parameters.at("name");
-    if (directory.empty()) throw ProblemError("backups_off", "Backups are off now (--backup-dir).");
+    if (directory.empty()) ThrowOff();
     try {
       engine.Backup(directory / name);
     } catch (const Error& error) {
-      // A directory that is gone or cannot be written is the operator's business; the text would
-      // tell clients where it lies.
+      // The directory is gone, and the text would tell clients its location.
       if (error.code() != ErrorCode::kNotFound) throw;
       throw Error(ErrorCode::kInternal, error.reason(), error.what());
     }
@@ -147,7 +137,7 @@ void Backups::RegisterJob(JobQueue& jobs, Engine& engine) const {
     return "/v1/backups/" + name;
   };
   kind.resumes = false;
-  jobs.Register("backup", std::move(kind));
+  runner.Register("backup", std::move(kind));
 }
 
 }  // namespace pliant::server

@@ -11,7 +11,7 @@
 
 #include "index/engine/engine.h"
 #include "server/http/body_file.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/job_runner.h"
 
 namespace pliant::server {
 
@@ -24,7 +24,7 @@ struct BackupFile {
 // Thread-safe.
 class Backups {
  public:
-  // An empty directory: backups are off.
+  // Without a directory backups are off.
   explicit Backups(std::filesystem::path directory) : directory_(std::move(directory)) {}
 
   // Newest first. Throw ProblemError "backups_off"; Get also "backup_not_found".
@@ -37,15 +37,14 @@ class Backups {
 
   // Starts the job that writes the file `name` (letters, digits, . _ -, ending in ".db"); empty =
   // one with the time in it. Throws ProblemError "invalid_parameter" and "backup_exists".
-  JobStatus Add(JobQueue& jobs, std::string name) const;
+  JobStatus Add(JobStore& jobs, std::string name) const;
 
-  // Kind "backup". It is not resumed after a restart: it would copy a different state. What was
-  // left incomplete is removed, here and before the next backup, once it is a minute old.
-  void RegisterJob(JobQueue& jobs, Engine& engine) const;
+  // Kind "backup". It is not resumed after a restart: it would copy a different state. Incomplete
+  // files are removed, here and before the next backup, once they are a minute old.
+  void RegisterJob(JobRunner& runner, Engine& engine) const;
 
  private:
   void RequireDirectory() const;
-  std::filesystem::path PathOfNew(const std::string& name) const;
 
   const std::filesystem::path directory_;
 };

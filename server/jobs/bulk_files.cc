@@ -2,23 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/bulk_files.h"
 
-#include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <set>
 #include <system_error>
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/base/hex.h"
+#include "index/files/durable_file.h"
 #include "server/http/body_file.h"
 #include "server/http/problem.h"
 
@@ -30,24 +27,18 @@ namespace fs = std::filesystem;
 
 constexpr const char* kMark = ".import-";
 constexpr std::size_t kIdDigits = 32;
-constexpr std::uint64_t kLookEvery = 4 * 1024 * 1024;  // bytes between two looks at the disk
-constexpr std::chrono::minutes kYoung{1};              // its upload may have made it just now
+constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between checks of the free space
+constexpr std::chrono::minutes kYoung{1};               // its upload may have made it just now
 
-bool IsId(const std::string& text) {
-  return text.size() == kIdDigits && std::all_of(text.begin(), text.end(), [](char c) {
-           return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
-         });
-}
+bool IsId(std::string_view text) { return text.size() == kIdDigits && FromHex(text); }
 
 void CheckSize(std::uint64_t bytes, std::uint64_t max_bytes) {
   if (max_bytes == 0 || bytes <= max_bytes) return;
   throw ProblemError("body_too_large",
-                     fmt::format("An import may have {}.", FormatBytes(max_bytes)));
+                     "An import may have at most " + FormatBytes(max_bytes) + ".");
 }
 
-// Of all jobs that have not ended.
-std::set<std::string> IdsInUse(JobQueue& jobs) {
-  jobs.LookNow();
+std::set<std::string> IdsInUse(const JobStore& jobs) {
   std::set<std::string> ids;
   for (const JobStatus& job : jobs.List()) {
     const auto file = job.parameters.find("file");
@@ -60,16 +51,19 @@ std::set<std::string> IdsInUse(JobQueue& jobs) {
 
 }  // namespace
 
-MappedFile::MappedFile(int fd) {
+MappedFile::MappedFile(const fs::path& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
+  if (fd < 0) ThrowFileError(path, errno);
   struct stat info{};
-  if (::fstat(fd, &info) != 0) ThrowFileError("fstat", errno);
+  bool mapped = ::fstat(fd, &info) == 0;
   size_ = static_cast<std::size_t>(info.st_size);
-  if (size_ == 0) return;
-  data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
-  if (data_ == MAP_FAILED) {
-    data_ = nullptr;
-    ThrowFileError("mmap", errno);
+  if (mapped && size_ > 0) {
+    data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
+    mapped = data_ != MAP_FAILED;
   }
+  const int failed = errno;
+  ::close(fd);
+  if (!mapped) ThrowFileError(path, failed);
 }
 
 MappedFile::~MappedFile() {
@@ -83,33 +77,19 @@ fs::path BulkFiles::PathOf(const std::string& id) const {
 std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
   CheckSize(bytes, options_.max_bytes);
   RequireDiskSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
-  const auto give_back = [uploads = uploads_](std::atomic<int>*) { --*uploads; };
-  if (++*uploads_ > kMostUploads) {
-    --*uploads_;
+  std::shared_ptr<int> slot = slots_;
+  if (slot.use_count() - 1 > kMostUploads) {  // slots_ itself is one
     throw ProblemError("busy", "Other large imports are being sent. Try again later.")
         .RetryAfter(30);
   }
-  std::unique_ptr<std::atomic<int>, decltype(give_back)> counted(uploads_.get(), give_back);
   const std::string id = RandomHex(kIdDigits);
-  auto upload = std::make_shared<BulkUpload>(PathOf(id), id, options_, uploads_);
-  counted.release();  // it gives that back itself
-  return upload;
+  return std::make_shared<BulkUpload>(PathOf(id), id, options_, std::move(slot));
 }
 
 std::unique_ptr<MappedFile> BulkFiles::Open(const std::string& id) const {
-  if (!IsId(id)) return nullptr;
-  const fs::path path = PathOf(id);
-  const int fd = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-  if (fd < 0 && errno == ENOENT) return nullptr;
-  if (fd < 0) ThrowFileError(path, errno);
-  try {
-    auto file = std::make_unique<MappedFile>(fd);
-    ::close(fd);
-    return file;
-  } catch (...) {
-    ::close(fd);
-    throw;
-  }
+  std::error_code ignored;
+  if (!IsId(id) || !fs::exists(PathOf(id), ignored)) return nullptr;
+  return std::make_unique<MappedFile>(PathOf(id));
 }
 
 void BulkFiles::Remove(const std::string& id) const {
@@ -117,7 +97,7 @@ void BulkFiles::Remove(const std::string& id) const {
   if (IsId(id)) fs::remove(PathOf(id), ignored);
 }
 
-std::size_t BulkFiles::Sweep(JobQueue& jobs) const {
+std::size_t BulkFiles::Sweep(const JobStore& jobs) const {
   const std::string prefix = options_.database.filename().string() + kMark;
   std::size_t removed = 0;
   std::error_code ignored;
@@ -140,13 +120,12 @@ std::size_t BulkFiles::Sweep(JobQueue& jobs) const {
 }
 
 BulkUpload::BulkUpload(fs::path path, std::string id, const BulkFileOptions& options,
-                       std::shared_ptr<std::atomic<int>> uploads)
+                       std::shared_ptr<int> slot)
     : path_(std::move(path)),
       id_(std::move(id)),
-      max_bytes_(options.max_bytes),
-      reserve_bytes_(options.reserve_bytes),
-      uploads_(std::move(uploads)),
-      fd_(::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
+      options_(options),
+      slot_(std::move(slot)),
+      fd_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
   if (fd_ < 0) ThrowFileError(path_, errno);
   ::flock(fd_, LOCK_EX | LOCK_NB);
 }
@@ -154,14 +133,13 @@ BulkUpload::BulkUpload(fs::path path, std::string id, const BulkFileOptions& opt
 BulkUpload::~BulkUpload() {
   if (!kept_) ::unlink(path_.c_str());
   ::close(fd_);
-  --*uploads_;
 }
 
 void BulkUpload::Append(std::string_view bytes) {
-  CheckSize(written_ + bytes.size(), max_bytes_);
-  if (written_ == 0 || written_ - looked_ >= kLookEvery) {
-    RequireDiskSpace(path_.parent_path(), kLookEvery + bytes.size(), reserve_bytes_);
-    looked_ = written_;
+  CheckSize(written_ + bytes.size(), options_.max_bytes);
+  if (written_ == 0 || written_ - checked_ >= kCheckEvery) {
+    RequireDiskSpace(path_.parent_path(), kCheckEvery + bytes.size(), options_.reserve_bytes);
+    checked_ = written_;
   }
   while (!bytes.empty()) {
     const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
@@ -173,18 +151,13 @@ void BulkUpload::Append(std::string_view bytes) {
 }
 
 std::string_view BulkUpload::All() {
-  if (!mapped_) mapped_ = std::make_unique<MappedFile>(fd_);
+  if (!mapped_) mapped_ = std::make_unique<MappedFile>(path_);
   return mapped_->bytes();
 }
 
 void BulkUpload::Sync() {
-  if (::fsync(fd_) != 0) ThrowFileError(path_, errno);
-  const fs::path directory = path_.parent_path();
-  const int fd = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) ThrowFileError(directory, errno);
-  const int failed = ::fsync(fd) == 0 ? 0 : errno;
-  ::close(fd);
-  if (failed != 0) ThrowFileError(directory, failed);
+  SyncPath(path_, O_RDONLY);
+  SyncDirectoryOf(path_);
 }
 
 }  // namespace pliant::server

@@ -3,7 +3,6 @@
 // Bodies of imports that are too large for the database: files beside it, until their jobs end.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -12,7 +11,7 @@
 #include <string_view>
 
 #include "server/http/message.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/job_store.h"
 
 namespace pliant::server {
 
@@ -23,11 +22,11 @@ struct BulkFileOptions {
   std::size_t max_item_bytes = 0;       // of one image, or line, in a body
 };
 
-// A file as memory, read from the disk as it is looked at. Immutable.
+// A file as memory, read from the disk on access. Immutable.
 class MappedFile {
  public:
-  // `fd` stays the caller's. Throws Error kInternal "io_error".
-  explicit MappedFile(int fd);
+  // Throws as BulkFiles::Open.
+  explicit MappedFile(const std::filesystem::path& path);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;
   MappedFile& operator=(const MappedFile&) = delete;
@@ -39,7 +38,32 @@ class MappedFile {
   std::size_t size_ = 0;
 };
 
-class BulkUpload;
+// A body on its way from a client. Its file is removed with this, unless Keep() was called.
+class BulkUpload final : public BodySink {
+ public:
+  // Holds `slot`, one of kMostUploads.
+  BulkUpload(std::filesystem::path path, std::string id, const BulkFileOptions& options,
+             std::shared_ptr<int> slot);
+  ~BulkUpload() override;
+
+  void Append(std::string_view bytes) override;  // throws as BulkFiles::Receive does
+  std::string_view All() override;               // of the complete body
+
+  const std::string& id() const { return id_; }  // for BulkFiles::Open
+  void Sync();                                   // the file survives power loss
+  void Keep() { kept_ = true; }                  // the file belongs to a job now
+
+ private:
+  const std::filesystem::path path_;
+  const std::string id_;
+  const BulkFileOptions options_;
+  const std::shared_ptr<int> slot_;
+  int fd_ = -1;  // locked against Sweep()
+  bool kept_ = false;
+  std::uint64_t written_ = 0;
+  std::uint64_t checked_ = 0;  // written_ when the free space was checked
+  std::unique_ptr<MappedFile> mapped_;
+};
 
 // Thread-safe. Several servers may share the database, and so the files.
 class BulkFiles {
@@ -50,52 +74,23 @@ class BulkFiles {
 
   std::size_t max_item_bytes() const { return options_.max_item_bytes; }
 
-  // What takes a body of `bytes`, 0: of nobody knows how many; it refuses those that are too many
-  // ("body_too_large") when they come. Throws ProblemError "body_too_large" and "busy", and Error
-  // kNoSpace, kReadOnly, kUnavailable "too_many_open_files", kInternal.
+  // Receives a body of `bytes` (0 = unknown). Throws ProblemError "body_too_large" and "busy", and
+  // Error kNoSpace, kReadOnly, kUnavailable "too_many_open_files", kInternal.
   std::shared_ptr<BulkUpload> Receive(std::uint64_t bytes) const;
 
-  // Null when there is no such file any more. Throws likewise.
+  // Null if the file does not exist. Throws likewise.
   std::unique_ptr<MappedFile> Open(const std::string& id) const;
-  void Remove(const std::string& id) const;  // no matter whether it is there
+  void Remove(const std::string& id) const;  // no matter whether it exists
 
-  // Removes what killed servers left: files that nobody writes and no job that has not ended works
-  // on, once they are a minute old. How many.
-  std::size_t Sweep(JobQueue& jobs) const;
+  // Removes files that killed servers left: those that no upload writes and no active job needs,
+  // once they are a minute old. Returns their number.
+  std::size_t Sweep(const JobStore& jobs) const;
 
  private:
   std::filesystem::path PathOf(const std::string& id) const;
 
   const BulkFileOptions options_;
-  const std::shared_ptr<std::atomic<int>> uploads_ = std::make_shared<std::atomic<int>>(0);
-};
-
-// A body on its way from a client. Its file is gone with it, unless it is kept.
-class BulkUpload final : public BodySink {
- public:
-  // `uploads` counts it as long as it is there.
-  BulkUpload(std::filesystem::path path, std::string id, const BulkFileOptions& options,
-             std::shared_ptr<std::atomic<int>> uploads);
-  ~BulkUpload() override;
-
-  void Append(std::string_view bytes) override;  // throws as BulkFiles::Receive does
-  std::string_view All() override;               // of the complete body
-
-  const std::string& id() const { return id_; }  // for BulkFiles::Open
-  void Sync();                                   // it survives power loss
-  void Keep() { kept_ = true; }                  // a job has it now
-
- private:
-  const std::filesystem::path path_;
-  const std::string id_;
-  const std::uint64_t max_bytes_;
-  const std::uint64_t reserve_bytes_;
-  const std::shared_ptr<std::atomic<int>> uploads_;
-  int fd_ = -1;  // locked, so that no sweep takes it
-  bool kept_ = false;
-  std::uint64_t written_ = 0;
-  std::uint64_t looked_ = 0;  // written_ when the disk was looked at
-  std::unique_ptr<MappedFile> mapped_;
+  const std::shared_ptr<int> slots_ = std::make_shared<int>();  // each upload holds a copy
 };
 
 }  // namespace pliant::server

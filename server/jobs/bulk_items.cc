@@ -3,6 +3,7 @@
 #include "server/jobs/bulk_items.h"
 
 #include <algorithm>
+#include <charconv>
 #include <optional>
 #include <utility>
 
@@ -18,7 +19,93 @@ namespace pliant::server {
 
 namespace {
 
-// The file's own name, and the way to its folder without "." and ".."; empty without.
+constexpr std::size_t kBlock = 512;
+constexpr std::size_t kMaxNameBytes = 64 * 1024;
+
+[[noreturn]] void ThrowDamaged(std::size_t at, const char* why) {
+  throw ProblemError("bad_request", "The TAR archive " + std::string(why) + ", at byte " +
+                                        std::to_string(at) + ".");
+}
+
+// A field of a header: text up to its first zero.
+std::string_view TextOf(std::string_view field) { return field.substr(0, field.find('\0')); }
+
+std::optional<std::uint64_t> DigitsOf(std::string_view text, int base) {
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+// Octal digits, with spaces and zeros around, or GNU's base-256 (first bit set). Nothing for
+// anything else.
+std::optional<std::uint64_t> NumberOf(std::string_view field) {
+  if (!field.empty() && (static_cast<unsigned char>(field[0]) & 0x80) != 0) {
+    std::uint64_t value = static_cast<unsigned char>(field[0]) & 0x7f;
+    for (const char c : field.substr(1)) {
+      if (value >> 55 != 0) return std::nullopt;
+      value = value << 8 | static_cast<unsigned char>(c);
+    }
+    return value;
+  }
+  const std::size_t begin = field.find_first_not_of(' ');
+  if (begin == std::string_view::npos) return 0;
+  const std::string_view digits =
+      field.substr(begin, field.find_first_of(std::string_view(" \0", 2), begin) - begin);
+  return digits.empty() ? 0 : DigitsOf(digits, 8);
+}
+
+// The sum of the header's bytes, its own field taken as spaces.
+bool IsHeader(std::string_view block) {
+  constexpr std::size_t kBegin = 148;
+  constexpr std::size_t kEnd = 156;
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    sum += i >= kBegin && i < kEnd ? ' ' : static_cast<unsigned char>(block[i]);
+  }
+  return NumberOf(block.substr(kBegin, kEnd - kBegin)) == sum;
+}
+
+bool IsZero(std::string_view block) {
+  return std::all_of(block.begin(), block.end(), [](char c) { return c == '\0'; });
+}
+
+// Records "length key=value\n" of a pax header (POSIX.1-2001).
+struct Pax {
+  std::optional<std::string> path;
+  std::optional<std::uint64_t> size;
+};
+
+Pax ReadPax(std::string_view text, std::size_t at) {
+  Pax pax;
+  while (!text.empty()) {
+    const std::size_t space = std::min(text.find(' '), text.size());
+    const auto length = DigitsOf(text.substr(0, space), 10);
+    if (!length || *length > text.size() || *length < space + 3 || text[*length - 1] != '\n') {
+      ThrowDamaged(at, "has a damaged pax header");
+    }
+    const std::string_view record = text.substr(space + 1, *length - space - 2);
+    const std::size_t equals = record.find('=');
+    if (equals == std::string_view::npos) ThrowDamaged(at, "has a damaged pax header");
+    const std::string_view key = record.substr(0, equals);
+    const std::string_view value = record.substr(equals + 1);
+    if (key == "path") pax.path = std::string(value);
+    if (key == "size" && !(pax.size = DigitsOf(value, 10))) {
+      ThrowDamaged(at, "has a damaged pax header");
+    }
+    text.remove_prefix(*length);
+  }
+  return pax;
+}
+
+std::string NameIn(std::string_view header) {
+  const std::string_view name = TextOf(header.substr(0, 100));
+  const bool is_ustar = header.substr(257, 6) == std::string_view("ustar\0", 6);
+  const std::string_view prefix = is_ustar ? TextOf(header.substr(345, 155)) : std::string_view();
+  return prefix.empty() ? std::string(name) : std::string(prefix) + "/" + std::string(name);
+}
+
+// The file's own name, and the path of its folder without "." and ".."; empty without.
 std::pair<std::string, std::string> SplitName(const std::string& path) {
   std::string folder;
   std::size_t begin = 0;
@@ -32,21 +119,6 @@ std::pair<std::string, std::string> SplitName(const std::string& path) {
 
 std::string Above(const std::string& folder) {
   return folder.substr(0, folder.rfind('/') + 1);  // npos + 1 = 0
-}
-
-// What is above all folders that are in folders, with a slash at its end: what was packed.
-std::string CommonWay(const std::vector<TarFile>& files) {
-  std::optional<std::string> common;
-  for (const TarFile& file : files) {
-    const std::string above = Above(SplitName(file.name).second);
-    if (above.empty()) continue;
-    if (!common) common = above;
-    const auto [end, other] =
-        std::mismatch(common->begin(), common->end(), above.begin(), above.end());
-    common->erase(end, common->end());
-    *common = Above(*common);
-  }
-  return common.value_or("");
 }
 
 std::string Stem(const std::string& name) {
@@ -64,52 +136,109 @@ std::optional<std::string> TextIn(Json& item, const char* name) {
 }  // namespace
 
 BulkItems::BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults)
-    : defaults_(std::move(defaults)) {
-  if (type == kTarType) {
-    files_ = ReadTar(body, kMostBulkItems);
-    // What systems write beside the files themselves.
-    std::erase_if(files_,
-                  [](const TarFile& file) { return SplitName(file.name).first.starts_with('.'); });
-    const bool has_folders = std::any_of(files_.begin(), files_.end(), [](const TarFile& file) {
-      return !SplitName(file.name).second.empty();
-    });
-    common_way_ = CommonWay(files_);
-    object_is_folder_ =
-        defaults_.object_from == "folder" || (defaults_.object_from == "auto" && has_folders);
-  } else {
-    std::size_t number = 0;
-    for (std::size_t begin = 0; begin < body.size();) {
-      const std::size_t end = std::min(body.find('\n', begin), body.size());
-      const std::string_view line = body.substr(begin, end - begin);
-      ++number;
-      if (line.find_first_not_of(" \t\r") != std::string_view::npos) {
-        lines_.emplace_back(number, line);
-      }
-      begin = end + 1;
-      if (lines_.size() > kMostBulkItems) {
-        ThrowInvalid("body", "The body has more than " + std::to_string(kMostBulkItems) +
-                                 " lines: send it in parts.");
-      }
-    }
-  }
+    : defaults_(std::move(defaults)),
+      is_tar_(type == kTarType),
+      items_(is_tar_ ? ReadTar(body) : ReadLines(body)) {
   if (size() == 0) {
     throw ProblemError("missing_parameter", "The body has no images.").Parameter("body");
   }
+  const bool has_folders = std::any_of(items_.begin(), items_.end(), [](const Raw& file) {
+    return !SplitName(file.name).second.empty();
+  });
+  common_way_ = CommonWay();
+  object_is_folder_ =
+      defaults_.object_from == "folder" || (defaults_.object_from == "auto" && has_folders);
 }
 
-std::string BulkItems::NameOf(std::size_t i) const {
-  if (i < lines_.size()) return "line " + std::to_string(lines_[i].first);
-  return ToDisplayText(files_.at(i).name);
+std::vector<BulkItems::Raw> BulkItems::ReadLines(std::string_view body) {
+  std::vector<Raw> lines;
+  std::size_t number = 0;
+  for (std::size_t begin = 0; begin < body.size();) {
+    const std::size_t end = std::min(body.find('\n', begin), body.size());
+    const std::string_view line = body.substr(begin, end - begin);
+    ++number;
+    if (line.find_first_not_of(" \t\r") != std::string_view::npos) {
+      lines.push_back({"line " + std::to_string(number), line});
+    }
+    begin = end + 1;
+    if (lines.size() > kMostBulkItems) {
+      ThrowInvalid("body", "The body has more than " + std::to_string(kMostBulkItems) +
+                               " lines. Send it in parts.");
+    }
+  }
+  return lines;
 }
+
+std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
+  std::vector<Raw> files;
+  Pax next;  // headers of the next file
+  std::size_t at = 0;
+  while (true) {
+    if (at == archive.size() && at > 0) return files;  // some writers leave the end out
+    if (archive.size() - at < kBlock) ThrowDamaged(at, "ends too early");
+    const std::string_view header = archive.substr(at, kBlock);
+    if (IsZero(header)) return files;
+    if (at == 0 && archive.starts_with("\x1f\x8b")) {
+      throw ProblemError("bad_request", "The TAR archive is compressed. Send it uncompressed.");
+    }
+    if (!IsHeader(header)) ThrowDamaged(at, at == 0 ? "has no header" : "is damaged");
+    const char type = header[156];
+    const auto stated = NumberOf(header.substr(124, 12));
+    const bool is_about_next = type == 'x' || type == 'L';
+    const auto size = is_about_next || !next.size ? stated : next.size;
+    const bool has_content = type < '1' || type > '6';  // else a link, device or folder
+    if (!size || (has_content && *size > archive.size() - at - kBlock)) {
+      ThrowDamaged(at, "ends too early");
+    }
+    const std::string_view content =
+        archive.substr(at + kBlock, has_content ? static_cast<std::size_t>(*size) : 0);
+    if (is_about_next && content.size() > kMaxNameBytes) ThrowDamaged(at, "has too long a header");
+    if (type == 'x') {
+      next = ReadPax(content, at);
+    } else if (type == 'L') {
+      next.path = std::string(TextOf(content));
+    } else if (type != 'g' && type != 'K') {
+      const std::string name = next.path.value_or(NameIn(header));
+      const std::string own_name = SplitName(name).first;  // empty: a folder
+      // Systems write names with a dot beside the files themselves.
+      if ((type == '0' || type == '\0' || type == '7') && !own_name.empty() && own_name[0] != '.') {
+        files.push_back({name, content});
+      }
+      if (files.size() > kMostBulkItems) {
+        ThrowInvalid("body", "The archive has more than " + std::to_string(kMostBulkItems) +
+                                 " files. Send it in parts.");
+      }
+      next = {};
+    }
+    const std::size_t blocks = (content.size() + kBlock - 1) / kBlock;
+    // The last file need not be filled up.
+    at = std::min(archive.size(), at + kBlock + blocks * kBlock);
+  }
+}
+
+std::string BulkItems::CommonWay() const {
+  std::optional<std::string> common;
+  for (const Raw& file : items_) {
+    const std::string above = Above(SplitName(file.name).second);
+    if (above.empty()) continue;
+    if (!common) common = above;
+    const auto [end, other] =
+        std::mismatch(common->begin(), common->end(), above.begin(), above.end());
+    common->erase(end, common->end());
+    *common = Above(*common);
+  }
+  return common.value_or("");
+}
+
+std::string BulkItems::NameOf(std::size_t i) const { return ToDisplayText(items_.at(i).name); }
 
 BulkItem BulkItems::Item(std::size_t i) const {
-  const std::size_t bytes =
-      i < lines_.size() ? lines_[i].second.size() : files_.at(i).content.size();
-  if (bytes > defaults_.max_item_bytes) {
+  const Raw& item = items_.at(i);
+  if (item.content.size() > defaults_.max_item_bytes) {
     throw ProblemError("body_too_large",
-                       "Each may have " + FormatBytes(defaults_.max_item_bytes) + ".");
+                       "An item may have at most " + FormatBytes(defaults_.max_item_bytes) + ".");
   }
-  return i < lines_.size() ? OfLine(lines_[i].second) : OfFile(files_.at(i));
+  return is_tar_ ? OfFile(item) : OfLine(item.content);
 }
 
 BulkItem BulkItems::OfLine(std::string_view line) const {
@@ -118,9 +247,8 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
     if (name != "image" && name != "image_url" && name != "id" && name != "object" &&
         name != "metadata" && name != "source") {
       throw ProblemError("unknown_parameter",
-                         "There is no '" + ToDisplayText(name.substr(0, 64)) +
-                             "', only image, image_url, id, object, metadata and "
-                             "source.")
+                         "Unknown field '" + ToDisplayText(name.substr(0, 64)) +
+                             "'. A line has image, image_url, id, object, metadata and source.")
           .Parameter(ToDisplayText(name.substr(0, 64)));
     }
   }
@@ -133,7 +261,7 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
   }
   if (image) {
     auto decoded = std::make_shared<std::vector<std::uint8_t>>();
-    if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image is no base64.");
+    if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image is not base64.");
     item.request.bytes = *decoded;
     item.decoded = std::move(decoded);
   }
@@ -153,7 +281,7 @@ std::string BulkItems::ObjectOf(const std::string& folder, const std::string& na
   return folder.substr(folder.starts_with(common_way_) ? common_way_.size() : Above(folder).size());
 }
 
-BulkItem BulkItems::OfFile(const TarFile& file) const {
+BulkItem BulkItems::OfFile(const Raw& file) const {
   const auto [name, folder] = SplitName(file.name);
   BulkItem item;
   item.request.bytes = {reinterpret_cast<const std::uint8_t*>(file.content.data()),

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Many images in one body: lines of JSON (NDJSON) with base64 or addresses, or a TAR archive.
+// Many images in one body: lines of JSON (NDJSON) with base64 or addresses, or a TAR archive (POSIX
+// ustar with pax headers, and GNU's long names).
 #pragma once
 
 #include <cstddef>
@@ -12,15 +13,14 @@
 #include <vector>
 
 #include "index/records/records.h"
-#include "server/jobs/tar_archive.h"
 
 namespace pliant::server {
 
 inline constexpr std::size_t kMostBulkItems = 10'000;
 
-// What all images have that do not say otherwise.
+// What the images have that do not say otherwise.
 struct BulkDefaults {
-  std::string object;                     // also in place of those that a TAR's names give
+  std::string object;                     // also instead of the objects that a TAR's names give
   std::string metadata = "{}";            // a JSON object
   std::string object_from;                // of a TAR: "auto", "folder", "stem" or "none"
   std::size_t max_item_bytes = SIZE_MAX;  // longer lines and files are refused, each by itself
@@ -34,8 +34,8 @@ struct BulkItem {
   std::optional<std::string> url = {};
 };
 
-// The items of a body, which must outlive it. An item is only looked at when it is asked for.
-// Immutable and thread-safe.
+// The items of a body, which must outlive it. An item is parsed only by Item(). Immutable and
+// thread-safe.
 class BulkItems {
  public:
   // Throws ProblemError: "bad_request" for a damaged archive, "missing_parameter" for a body
@@ -43,7 +43,7 @@ class BulkItems {
   // knows.
   BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults);
 
-  std::size_t size() const { return lines_.size() + files_.size(); }
+  std::size_t size() const { return items_.size(); }
   // For people; known also for items that are wrong. "line 3", or the file's name.
   std::string NameOf(std::size_t i) const;
   // Throws ProblemError that says what is wrong with it: "invalid_json", "missing_parameter",
@@ -51,13 +51,21 @@ class BulkItems {
   BulkItem Item(std::size_t i) const;
 
  private:
+  struct Raw {
+    std::string name;          // of a file as stored, with its folders; may be any bytes
+    std::string_view content;  // inside the body
+  };
+
+  static std::vector<Raw> ReadTar(std::string_view archive);
+  static std::vector<Raw> ReadLines(std::string_view body);
+  std::string CommonWay() const;
   BulkItem OfLine(std::string_view line) const;
-  BulkItem OfFile(const TarFile& file) const;
+  BulkItem OfFile(const Raw& file) const;
   std::string ObjectOf(const std::string& folder, const std::string& name) const;
 
   const BulkDefaults defaults_;
-  std::vector<std::pair<std::size_t, std::string_view>> lines_;  // with their numbers, from 1
-  std::vector<TarFile> files_;
+  const bool is_tar_;
+  std::vector<Raw> items_;
   bool object_is_folder_ = false;
   std::string common_way_;  // above all folders that are in folders; with a slash at its end
 };

@@ -3,10 +3,8 @@
 #include "server/jobs/demonstration.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "descriptor/base/error.h"
-#include "server/jobs/import_job.h"
 #include "server/web/web_assets.h"
 
 namespace pliant::server {
@@ -22,17 +20,14 @@ Bytes FlatJpeg(const DemonstrationObject& object) {
   return {reinterpret_cast<const std::uint8_t*>(asset->data), asset->bytes};
 }
 
-void AddFlatImage(Engine& engine, const JobStatus& job, const DemonstrationObject& object,
-                  int threads) {
+AddRequest FlatImage(const DemonstrationObject& object) {
   AddRequest request;
-  KeepTo(job, request);
   request.id = object.id();
   request.object = object.name;
   request.metadata = std::string(R"({"made_of": ")") + object.made_of + "\"}";
   request.source = object.id() + ".jpg";
   request.bytes = FlatJpeg(object);
-  request.threads = threads;
-  engine.Add(request);
+  return request;
 }
 
 }  // namespace
@@ -50,28 +45,22 @@ bool HasDemonstration(Engine& engine, const std::string& collection) {
   return false;
 }
 
-JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection) {
-  // Before the job: the caller gets the error.
-  const CollectionRecord record = engine.GetCollection(collection);
-  return jobs.Add("demo", collection, {{kCollectionCreated, record.created_ms}});
+JobStatus AddDemonstrationJob(Engine& engine, JobStore& jobs, const std::string& collection) {
+  return jobs.Add("demo", collection,
+                  {{kCollectionCreated, engine.GetCollection(collection).created_ms}});
 }
 
-void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
-                              std::function<void(const std::string& collection)> on_added) {
-  jobs.Register("demo", {[&engine, &pool, on_added = std::move(on_added)](
-                             const JobStatus& job, const JobContext& context) {
-                  const auto lease = pool.BorrowCores(std::max(1, pool.cores() / 2));
-                  double done = 0;
-                  for (const DemonstrationObject& object : kDemonstrationObjects) {
-                    if (context.stop().stop_requested()) {
-                      throw Error(ErrorCode::kCancelled, "demonstration_stopped", "stopped");
+void RegisterDemonstrationJob(JobRunner& runner, ImportServices services) {
+  runner.Register("demo", {[services](const JobStatus& job, const JobContext& context) {
+                    double done = 0;
+                    for (const DemonstrationObject& object : kDemonstrationObjects) {
+                      AddInBackground(services.engine, services.pool, job, FlatImage(object),
+                                      context.stop);
+                      context.progress(++done, kDemonstrationObjects.size());
                     }
-                    AddFlatImage(engine, job, object, std::max(1, lease->cores()));
-                    context.Progress(++done, kDemonstrationObjects.size());
-                  }
-                  on_added(job.collection);
-                  return "/v1/collections/" + job.collection + "/demo";
-                }});
+                    services.on_added(job.collection);
+                    return "/v1/collections/" + job.collection + "/demo";
+                  }});
 }
 
 }  // namespace pliant::server

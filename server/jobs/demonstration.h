@@ -4,12 +4,9 @@
 #pragma once
 
 #include <array>
-#include <functional>
 #include <string>
 
-#include "index/engine/engine.h"
-#include "server/jobs/jobs.h"
-#include "server/jobs/worker_pool.h"
+#include "server/jobs/import_jobs.h"
 
 namespace pliant::server {
 
@@ -33,13 +30,11 @@ inline constexpr std::array<DemonstrationObject, 6> kDemonstrationObjects{{
 // Whether any of the objects is in the collection. Throws Error kNotFound for the collection.
 bool HasDemonstration(Engine& engine, const std::string& collection);
 
-// The job that adds the objects to the collection. Existing ones are skipped. Throws Error
-// kNotFound for the collection.
-JobStatus AddDemonstrationJob(Engine& engine, JobQueue& jobs, const std::string& collection);
+// The job that adds the objects to the collection. It skips existing ones. Throws Error kNotFound
+// for the collection.
+JobStatus AddDemonstrationJob(Engine& engine, JobStore& jobs, const std::string& collection);
 
-// Kind "demo"; it starts again after a restart. `on_added` is called with the collection. All
-// arguments must outlive the queue.
-void RegisterDemonstrationJob(JobQueue& jobs, Engine& engine, WorkerPool& pool,
-                              std::function<void(const std::string& collection)> on_added);
+// Kind "demo"; it begins again after a restart.
+void RegisterDemonstrationJob(JobRunner& runner, ImportServices services);
 
 }  // namespace pliant::server

@@ -52,6 +52,7 @@ class WorkerPool {
     Lease(const Lease&) = delete;
     Lease& operator=(const Lease&) = delete;
     int cores() const { return cores_; }
+    int threads() const { return cores_ > 0 ? cores_ : 1; }  // for the borrower to use
 
    private:
     WorkerPool& pool_;

@@ -9,7 +9,7 @@
 #include "index/json/json.h"
 #include "server/http/message.h"
 #include "server/http/problem.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/job_store.h"
 
 namespace pliant::server {
 

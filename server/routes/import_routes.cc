@@ -2,28 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adding many images in the background: from one body, from a folder on the server, or those of the
 // demonstration.
-#include <filesystem>
-
 #include "index/store/database_url.h"
+#include "server/http/body_file.h"
 #include "server/http/problem.h"
-#include "server/jobs/bulk_import.h"
-#include "server/jobs/import_job.h"
+#include "server/jobs/import_jobs.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
 
 namespace {
-
-// The body waits in the database, so the disk must keep as much free space as uploads leave.
-void RequireSpace(const Service& service, std::size_t bytes) {
-  const EngineOptions& engine = service.options.engine;
-  std::error_code error;
-  const auto space = std::filesystem::space(FolderOf(engine.database), error);
-  if (!error && space.available < engine.reserve_bytes + bytes) {
-    throw ProblemError("no_space", "The server's disk has no space for this body.");
-  }
-}
 
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
   const CollectionRecord collection = service.engine().GetCollection(request.captures.at("c"));
@@ -33,14 +21,11 @@ Response Import(Service& service, const Request& request, const Parameters& para
   const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
                               .metadata = parameters.JsonObject("metadata").value_or("{}"),
                               .object_from = parameters.Text("object_from").value_or("auto")};
-  if (request.received) {
-    auto& upload = static_cast<BulkUpload&>(*request.received);
-    return JobResponse(
-        AddBulkImportJob(*service.jobs, collection, upload, request.content_type, defaults));
+  if (!request.received) {  // the body waits in the database
+    RequireDiskSpace(FolderOf(service.options.engine.database), request.body.size(),
+                     service.options.engine.reserve_bytes);
   }
-  RequireSpace(service, request.body.size());
-  return JobResponse(
-      AddBulkImportJob(*service.jobs, collection, request.body, request.content_type, defaults));
+  return JobResponse(AddBulkImportJob(*service.jobs, collection, request, defaults));
 }
 
 // For a body that is too large for the database.

@@ -21,7 +21,7 @@ bool MaySee(const Caller& caller, const JobStatus& job) {
 }
 
 // The job that the {id} of the path names. Throws ProblemError "job_not_found".
-JobStatus JobOf(const JobQueue& jobs, const Request& request) {
+JobStatus JobOf(const JobStore& jobs, const Request& request) {
   JobStatus job = jobs.Get(request.captures.at("id"));
   if (!MaySee(request.caller, job)) ThrowJobNotFound();
   return job;
@@ -37,16 +37,15 @@ Response List(Service& service, const Request& request, const Parameters&) {
 
 // The job as it is, or, with `wait`, as soon as it has ended.
 Response Get(Service& service, const Request& request, const Parameters& parameters) {
-  JobQueue& jobs = *service.jobs;
+  JobStore& jobs = *service.jobs;
   const JobStatus job = JobOf(jobs, request);
   const std::chrono::duration<double> patience(parameters.Number("wait").value_or(0));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
   }
-  jobs.LookNow();  // another server may have created it just now
   return {.wait = Wait{std::chrono::steady_clock::now() +
                            std::chrono::ceil<std::chrono::milliseconds>(patience),
-                       [&jobs, id = job.id](std::function<void()> wake) {
+                       [&jobs, id = job.id](JobWaiters::Wake wake) {
                          return jobs.WhenEnded(id, std::move(wake));
                        }}};
 }
@@ -61,7 +60,7 @@ Response Items(Service& service, const Request& request, const Parameters& param
   const auto [stop, error] = std::from_chars(after.data(), end, first);
   if (!after.empty() && (stop != end || error != std::errc())) ThrowInvalidCursor();
   std::vector<std::string> texts =
-      service.jobs->store().JobItems(id, first, static_cast<int>(limit) + 1);
+      service.jobs->rows().JobItems(id, first, static_cast<int>(limit) + 1);
   std::optional<std::string> next;
   if (texts.size() > limit) {
     texts.resize(limit);

@@ -102,11 +102,13 @@ class Metrics::Impl {
     Set(queue, {{"lane", "search"}}, now.load.waiting_searches);
     Set(queue, {{"lane", "upload"}}, now.load.waiting_uploads);
     Set(queue, {{"lane", "background"}}, now.load.waiting_background);
-    auto& jobs = Gauges("pliant_jobs", "Background jobs on record, by state");
-    for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
-                                 JobState::kFailed, JobState::kCancelled}) {
-      const auto count = now.jobs.find(state);
-      Set(jobs, {{"state", JobStateName(state)}}, count == now.jobs.end() ? 0 : count->second);
+    if (now.jobs) {
+      auto& jobs = Gauges("pliant_jobs", "Background jobs on record, by state");
+      for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
+                                   JobState::kFailed, JobState::kCancelled}) {
+        const auto count = now.jobs->find(state);
+        Set(jobs, {{"state", JobStateName(state)}}, count == now.jobs->end() ? 0 : count->second);
+      }
     }
     Set("pliant_busy_cores", "Cores in use by tasks and jobs", now.load.busy_cores);
     Set("pliant_decoders", "Child processes that decode images", now.decoders);

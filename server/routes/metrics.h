@@ -15,7 +15,7 @@
 #include "index/engine/engine.h"
 #include "server/decoder/decoder_process.h"
 #include "server/http/http_server.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/job_store.h"
 #include "server/jobs/worker_pool.h"
 
 namespace pliant::server {
@@ -49,10 +49,10 @@ class StoreFigures {
 // Values at the time of the request.
 struct MetricsNow {
   WorkerPool::Load load = {};
-  const EngineStats* stats = nullptr;  // null = not known yet
-  std::map<JobState, std::size_t> jobs = {};
-  std::size_t decoders = 0;            // processes
-  std::uintmax_t disk_free_bytes = 0;  // for the database
+  const EngineStats* stats = nullptr;                        // null = not known yet
+  std::optional<std::map<JobState, std::size_t>> jobs = {};  // absent: the database is away
+  std::size_t decoders = 0;                                  // processes
+  std::uintmax_t disk_free_bytes = 0;                        // for the database
 };
 
 // Thread-safe.

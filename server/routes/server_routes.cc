@@ -7,7 +7,9 @@
 #include <system_error>
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
+#include "descriptor/base/error.h"
 #include "index/store/database_url.h"
 #include "server/http/problem.h"
 #include "server/openapi/document.h"
@@ -56,7 +58,11 @@ Response MetricsText(Service& service, const Request&, const Parameters&) {
   if (service.ready()) stats = service.figures().Get();
   MetricsNow now{service.pool.load(), stats ? &*stats : nullptr};
   if (service.ready()) {
-    now.jobs = service.jobs->Counts();
+    try {
+      now.jobs = service.jobs->Counts();
+    } catch (const Error& error) {
+      spdlog::warn("cannot count the jobs: {}", error.what());
+    }
     if (service.decoders() != nullptr) now.decoders = service.decoders()->size();
   }
   // 0 if the disk does not answer, for example after the database went away.

@@ -10,9 +10,6 @@
 #include "descriptor/base/error.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
-#include "server/jobs/bulk_import.h"
-#include "server/jobs/import_job.h"
-#include "server/jobs/training_job.h"
 
 namespace pliant::server {
 
@@ -30,6 +27,7 @@ Service::Service(ServiceOptions service_options)
 Service::~Service() {
   ready_ = false;
   if (auto_trainer_) auto_trainer_->Stop();
+  runner_.reset();
   jobs.reset();
   auto_trainer_.reset();
 }
@@ -70,18 +68,25 @@ void Service::Open() {
   figures_ = std::make_unique<StoreFigures>(engine_.get(),
                                             IsDatabaseUrl(engine_options.database.string()));
   store_ = OpenServiceStore(options.engine.database);
-  jobs = std::make_unique<JobQueue>(store_.get());
-  RegisterVocabularyJobs(*jobs, *engine_, pool);
-  const auto on_added = [this](const std::string& collection) {
-    if (auto_trainer_) auto_trainer_->OnAdded(collection);
-  };
-  RegisterImportJob(*jobs, *engine_, pool,
-                    {options.import_dir, engine_options.extraction.decode.max_bytes, on_added});
-  RegisterBulkImportJob(*jobs, *engine_, pool, fetcher, bulk_files, on_added);
-  RegisterDemonstrationJob(*jobs, *engine_, pool, on_added);
-  backups.RegisterJob(*jobs, *engine_);
+  jobs = std::make_unique<JobStore>(
+      *store_, [this](const JobStatus& job) { RemoveBodyOf(job, bulk_files); });
+  runner_ = std::make_unique<JobRunner>(*jobs);
+  const ImportServices imports{*jobs,
+                               *engine_,
+                               pool,
+                               fetcher,
+                               bulk_files,
+                               options.import_dir,
+                               engine_options.extraction.decode.max_bytes,
+                               [this](const std::string& collection) {
+                                 if (auto_trainer_) auto_trainer_->OnAdded(collection);
+                               }};
+  RegisterVocabularyJobs(*runner_, *engine_, pool);
+  RegisterImportJobs(*runner_, imports);
+  RegisterDemonstrationJob(*runner_, imports);
+  backups.RegisterJob(*runner_, *engine_);
   if (options.auto_train) auto_trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs);
-  jobs->Start();
+  runner_->Start();
   if (const std::size_t swept = bulk_files.Sweep(*jobs); swept > 0) {
     spdlog::info("removed {} incomplete imports", swept);
   }

@@ -13,11 +13,10 @@
 #include "server/decoder/decoder_pool.h"
 #include "server/fetch/fetcher.h"
 #include "server/http/message.h"
-#include "server/jobs/auto_trainer.h"
 #include "server/jobs/backups.h"
 #include "server/jobs/bulk_files.h"
 #include "server/jobs/demonstration.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/training.h"
 #include "server/jobs/worker_pool.h"
 #include "server/routes/metrics.h"
 #include "server/routes/thumbnails.h"
@@ -65,7 +64,7 @@ class Service {
   const BulkFiles bulk_files;
   Fetcher fetcher;
   // Jobs use the engine, so they end first: see ~Service. Null before Open().
-  std::unique_ptr<JobQueue> jobs;
+  std::unique_ptr<JobStore> jobs;
 
  private:
   void StartDecoders();
@@ -75,6 +74,7 @@ class Service {
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<StoreFigures> figures_;  // asks the engine, so it ends before it
   std::unique_ptr<ServiceStore> store_;
+  std::unique_ptr<JobRunner> runner_;
   std::unique_ptr<AutoTrainer> auto_trainer_;
   std::atomic<bool> ready_{false};
   std::atomic<double> loaded_{0};

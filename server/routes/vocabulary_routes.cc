@@ -6,7 +6,7 @@
 
 #include "index/json/record_json.h"
 #include "server/http/problem.h"
-#include "server/jobs/training_job.h"
+#include "server/jobs/training.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
 

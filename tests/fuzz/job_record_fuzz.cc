@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Jobs as they are stored. An input is the parameters' JSON on the first line, the state on the
 // second, and the report's JSON behind them.
-#include "server/jobs/job_record.h"
+#include "server/jobs/job_store.h"
 #include "tests/fuzz/refusal.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

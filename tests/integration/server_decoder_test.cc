@@ -7,6 +7,7 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -39,6 +40,15 @@ bool Runs(int id) {
   const std::string stat = Proc(id, "stat");
   const std::size_t at = stat.rfind(") ");
   return at != std::string::npos && stat[at + 2] != 'Z' && stat[at + 2] != 'X';
+}
+
+// The processor time that a process has used.
+std::string TimesOf(int id) {
+  std::istringstream stat(Proc(id, "stat"));
+  std::string field;
+  std::string times;
+  for (int i = 1; stat >> field && i <= 15; ++i) times += i >= 14 ? field + " " : "";
+  return times;
 }
 
 bool Soon(const std::function<bool()>& true_then) {
@@ -144,7 +154,14 @@ TEST_F(ServerDecoderTest, GoesOnWhenOneCrashes) {
   }
   kill(id, SIGSEGV);  // comes when it goes on
   std::thread later([&] {
-    std::this_thread::sleep_for(std::chrono::seconds(3));  // the image is at the decoder by then
+    auto other = server_->Client();
+    // A task that uses no processor time waits for the decoder, which has the image.
+    EXPECT_TRUE(Soon([&] { return Metric(other, "pliant_busy_cores") == 1; }));
+    EXPECT_TRUE(Soon([&] {
+      const std::string before = TimesOf(server_->id());
+      std::this_thread::sleep_for(std::chrono::milliseconds(200));
+      return TimesOf(server_->id()) == before;
+    }));
     kill(id, SIGCONT);
   });
   const auto refused = client.Post(kImages, TestImage(1), "image/png");
@@ -195,15 +212,15 @@ TEST(PrintConfig, SaysHowDecodersAreHeld) {
     arguments.insert(arguments.end(), flags.begin(), flags.end());
     return Program(arguments, {}, ServerPath()).Wait().out;
   };
-  EXPECT_THAT(said({}), HasSubstr(kSanitized ? "# Images are decoded in processes of their own"
-                                             : "system calls are, too."));
+  EXPECT_THAT(said({}), HasSubstr(kSanitized ? "# Images are decoded in child processes"
+                                             : "memory and time, and on system calls."));
   EXPECT_THAT(said({}), HasSubstr("\ndecoder = \"process\"\n"));
-  EXPECT_THAT(said({"--decoder", "inside"}), HasSubstr("# Images are decoded inside"));
+  EXPECT_THAT(said({"--decoder", "inside"}), HasSubstr("# Images are decoded in the server."));
   // Limits that are stricter already may not be raised, and need not.
   const std::string limited =
       "ulimit -t 300; " + ServerPath().string() + " --db x.db --print-config";
   EXPECT_THAT(Program({"-c", limited}, {.unprivileged = true}, "/bin/sh").Wait().out,
-              HasSubstr("# Images are decoded in processes of their own"));
+              HasSubstr("# Images are decoded in child processes"));
   EXPECT_EQ(Program({"--db", "x.db", "--decoder", "nowhere"}, {}, ServerPath()).Wait().status, 2);
 }
 

@@ -23,10 +23,16 @@ TEST_F(ServerTest, AWriteThatWaitsKeepsNoCoreFromSearches) {
   std::atomic<int> status = 0;
   std::thread writing([&] {
     auto writer = server_->Client();
-    const auto answer = writer.Put(std::string(kImages) + "/second", TestImage(2), "image/png");
+    const auto answer =
+        writer.Put(std::string(kImages) + "/second", TestImage(2, 0, 1500, 900), "image/png");
     status = answer ? answer->status : -1;
   });
-  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  // The image is described, and then its write waits.
+  for (const int cores : {1, 0}) {
+    while (Metric(client, "pliant_busy_cores") != cores && status == 0) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
   // With the core taken this would wait until the write gives up.
   const auto thumbnail = client.Get(first + "/thumbnail");
   ASSERT_TRUE(thumbnail);

@@ -82,6 +82,10 @@ class Case:
             raise Wrong(f"{method} {path} at {server}: {status} {data[:300]}")
         return json.loads(data)
 
+    def lacks_database(self, server):
+        with contextlib.closing(Connection(self.servers[server].address, keep_alive=False)) as connection:
+            return connection.ask("GET", "/v1/jobs")[0] == 503
+
     def job(self, server, number):
         return self.ask(server, "GET", f"/v1/jobs/{number}")
 
@@ -168,12 +172,12 @@ def runs(process):
     return False
 
 
-def restart_database():
+def restart_database(case):
     home, database = pathlib.Path(os.environ["PLIANT_TEST_DATABASE_HOME"]), os.environ["PLIANT_TEST_DATABASE"]
     postmaster = int((home / "data" / "postmaster.pid").read_text(encoding="utf-8").splitlines()[0])
     os.kill(postmaster, signal.SIGQUIT)
     until(lambda: not runs(postmaster), "the end of PostgreSQL")
-    time.sleep(3)  # the servers are to notice
+    until(lambda: all(case.lacks_database(server) for server in "AB"), "an error of both servers")
     subprocess.Popen([home / "start"])  # it ends with this test
     until(lambda: subprocess.run(["psql", "-q", database, "-c", ""], check=False, stderr=subprocess.DEVNULL).returncode == 0,
           "the start of PostgreSQL")
@@ -183,10 +187,10 @@ def database_restarts(options):
     """The jobs go on."""
     with Case(options, "restarts") as case:
         number = case.begin("/images:import", archive("restarts"), "application/x-tar")
-        restart_database()
+        restart_database(case)
         case.check_import(number, "restarts", case.ended("A", number)["attempts"])
         number = case.begin("/vocabularies", b'{"words": 5000}')
-        restart_database()
+        restart_database(case)
         if case.ended("A", number)["state"] != "done":
             raise Wrong(f"the training ended so: {case.job('A', number)}")
 

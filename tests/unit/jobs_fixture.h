@@ -15,7 +15,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
 #include "index/store/open_store.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/job_runner.h"
 #include "tests/unit/index_test_images.h"
 
 namespace pliant::server {
@@ -31,9 +31,30 @@ inline JobKind Kind(std::function<std::string(const JobStatus&, const JobContext
 }
 
 inline std::string UntilStopped(const JobStatus&, const JobContext& context) {
-  while (!context.stop().stop_requested()) std::this_thread::sleep_for(milliseconds(1));
+  while (!context.stop.stop_requested()) std::this_thread::sleep_for(milliseconds(1));
   throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
 }
+
+inline bool Eventually(const std::function<bool()>& holds) {
+  const auto until = std::chrono::steady_clock::now() + kPatience;
+  while (!holds()) {
+    if (std::chrono::steady_clock::now() > until) return false;
+    std::this_thread::sleep_for(milliseconds(1));
+  }
+  return true;
+}
+
+// The jobs of a server.
+class Jobs : public JobStore {
+ public:
+  explicit Jobs(ServiceStore& rows) : JobStore(rows), runner_(*this) {}
+  void Register(const std::string& kind, JobKind how) { runner_.Register(kind, std::move(how)); }
+  void Start() { runner_.Start(); }
+  JobRunner& runner() { return runner_; }
+
+ private:
+  JobRunner runner_;
+};
 
 class JobsTest : public ::testing::Test {
  protected:

@@ -11,7 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/app/command_line.h"
+#include "server/app/options.h"
 #include "server/http/problem.h"
 #include "server/openapi/document.h"
 #include "server/routes/routes.h"

@@ -17,24 +17,15 @@
 namespace pliant::server {
 namespace {
 
-bool Eventually(const std::function<bool()>& holds) {
-  const auto until = std::chrono::steady_clock::now() + kPatience;
-  while (!holds()) {
-    if (std::chrono::steady_clock::now() > until) return false;
-    std::this_thread::sleep_for(milliseconds(10));
-  }
-  return true;
-}
-
 // What a server is to the jobs of a database.
 class Server {
  public:
   explicit Server(const std::filesystem::path& database)
-      : store_(OpenServiceStore(database)), jobs_(std::make_unique<JobQueue>(store_.get())) {
+      : store_(OpenServiceStore(database)), jobs_(std::make_unique<Jobs>(*store_)) {
     jobs_->Register("wait", {[this](const JobStatus&, const JobContext& context) {
                                ++begun_;
-                               while (!context.stop().stop_requested() && !done_) {
-                                 context.Progress(1, 4);
+                               while (!context.stop.stop_requested() && !done_) {
+                                 context.progress(1, 4);
                                  std::this_thread::sleep_for(milliseconds(1));
                                }
                                if (done_) return std::string("/done");
@@ -51,7 +42,7 @@ class Server {
     store_.reset();
   }
   void Finish() { done_ = true; }
-  JobQueue& jobs() { return *jobs_; }
+  Jobs& jobs() { return *jobs_; }
   ServiceStore& store() { return *store_; }
   int begun() const { return begun_; }
 
@@ -59,7 +50,7 @@ class Server {
   std::atomic<int> begun_{0};
   std::atomic<bool> done_{false};
   std::unique_ptr<ServiceStore> store_;
-  std::unique_ptr<JobQueue> jobs_;
+  std::unique_ptr<Jobs> jobs_;
 };
 
 class JobOwnersTest : public JobsTest {
@@ -81,7 +72,7 @@ TEST_F(JobOwnersTest, ASecondServerLeavesARunningJobAlone) {
   Server second(database());
   EXPECT_EQ(second.jobs().Get(id).state, JobState::kRunning);
   EXPECT_TRUE(second.jobs().Active("wait", "default")) << "it trains no vocabulary twice";
-  std::this_thread::sleep_for(2 * JobQueue::kLookEvery);
+  std::this_thread::sleep_for(2 * JobWatcher::kPollEvery);
   EXPECT_EQ(second.begun(), 0);
   first.Finish();
   EXPECT_TRUE(second.jobs().WaitFor(id, kPatience)) << "the other's end is seen";
@@ -117,7 +108,6 @@ TEST_F(JobOwnersTest, OfServersAtOnceOneAddsTheOnlyJob) {
   for (const auto& server : servers) server->Finish();
   const std::string id = servers[0]->store().Jobs().at(0).id;
   ASSERT_TRUE(Eventually([&] { return servers[0]->store().Jobs().at(0).state == "done"; }));
-  servers[0]->jobs().LookNow();
   ASSERT_TRUE(Eventually([&] { return servers[0]->jobs().Get(id).state == JobState::kDone; }));
   EXPECT_TRUE(servers[0]->jobs().AddOnly("wait", "default", Json::object())) << "it has ended";
 }
@@ -190,7 +180,7 @@ TEST_F(JobOwnersTest, AnEndThatWasAskedForSurvivesAKill) {
   ASSERT_GE(child, 0);
   if (child == 0) {
     const auto store = OpenServiceStore(database());
-    JobQueue deaf(store.get());
+    Jobs deaf(*store);
     deaf.Register("wait", {[](const JobStatus&, const JobContext&) -> std::string {
                              while (true) pause();
                            },

@@ -13,7 +13,7 @@ TEST_F(JobsTest, GoOnAfterARestart) {
   std::string running;
   std::string queued;
   {
-    JobQueue jobs(store_.get());
+    Jobs jobs(*store_);
     jobs.Register("wait", Kind(UntilStopped));
     jobs.Start();
     running = jobs.Add("wait", "a", Json::object()).id;
@@ -23,7 +23,7 @@ TEST_F(JobsTest, GoOnAfterARestart) {
     }
   }  // the server is stopped, nobody has cancelled anything
   std::vector<std::string> order;
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   jobs.Register("wait", Kind([&](const JobStatus& job, const JobContext&) {
                   order.push_back(job.collection);
                   return std::string("/done");
@@ -39,12 +39,12 @@ TEST_F(JobsTest, GoOnAfterARestart) {
 // kill -9 between the answer to a cancellation and the end of the job.
 TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
   std::promise<void> let_go;
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   jobs.Register("wait", Kind([&](const JobStatus&, const JobContext& context) {
-                  while (!context.stop().stop_requested()) {
+                  while (!context.stop.stop_requested()) {
                     std::this_thread::sleep_for(milliseconds(1));
                   }
-                  context.Progress(1, 2);
+                  context.progress(1, 2);
                   let_go.get_future().wait();  // it does not end at once
                   return std::string("/done");
                 }));
@@ -53,7 +53,7 @@ TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
   while (jobs.Get(id).state != JobState::kRunning) std::this_thread::sleep_for(milliseconds(1));
   EXPECT_EQ(jobs.Cancel(id).state, JobState::kRunning);
   {
-    JobQueue later(store_.get());  // what the next start of the server finds
+    Jobs later(*store_);  // what the next start of the server finds
     later.Register("wait", Kind([](const JobStatus&, const JobContext&) -> std::string {
                      ADD_FAILURE() << "it was cancelled";
                      return "/done";
@@ -77,7 +77,7 @@ TEST_F(JobsTest, BeginAgainWhenTheDatabaseWasAway) {
     }
     return "/done";
   };
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   jobs.Register("once", Kind(work));
   jobs.Register("always", Kind(work));
   jobs.Register("no more", Kind(work, /*resumes=*/false));
@@ -91,7 +91,7 @@ TEST_F(JobsTest, BeginAgainWhenTheDatabaseWasAway) {
   EXPECT_EQ(begun["once"], 2);
   const JobStatus always = ended("always");
   EXPECT_EQ(always.state, JobState::kFailed);
-  EXPECT_EQ(always.attempts, JobQueue::kMaxAttempts);
+  EXPECT_EQ(always.attempts, JobRunner::kMaxAttempts);
   EXPECT_EQ(always.problem->code, "database_unavailable");
   EXPECT_EQ(ended("no more").state, JobState::kFailed);
   EXPECT_EQ(begun["no more"], 1);
@@ -109,10 +109,10 @@ TEST_F(JobsTest, AreMarkedAsFailedWhereTheyCannotGoOn) {
     store_->SaveJob(record);
   };
   leave("once", "again", 1);
-  leave("thrice", "again", JobQueue::kMaxAttempts);
+  leave("thrice", "again", JobRunner::kMaxAttempts);
   leave("backup", "never", 1);
   leave("gone", "a kind of a newer version", 1);
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   const auto succeed = [](const JobStatus&, const JobContext&) { return std::string("/done"); };
   jobs.Register("again", Kind(succeed));
   jobs.Register("never", Kind(succeed, false));

@@ -10,7 +10,7 @@
 #include <gmock/gmock.h>
 
 #include "server/jobs/backups.h"
-#include "server/jobs/import_job.h"
+#include "server/jobs/import_jobs.h"
 #include "tests/unit/jobs_fixture.h"
 
 namespace pliant::server {
@@ -26,11 +26,11 @@ std::string CodeOf(const std::function<void()>& work) {
 }
 
 TEST_F(JobsTest, RunReportAndAreRemembered) {
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   jobs.Register("train", Kind([](const JobStatus& job, const JobContext& context) {
                   EXPECT_EQ(job.parameters, (Json{{"words", 3}}));
-                  context.Progress(3, 4);
-                  context.Skipped({"a.png", "image_truncated", "it ends"});
+                  context.progress(3, 4);
+                  context.skipped({"a.png", "image_truncated", "it ends"});
                   return std::string("/result");
                 }));
   jobs.Start();
@@ -46,7 +46,7 @@ TEST_F(JobsTest, RunReportAndAreRemembered) {
   EXPECT_THROW(jobs.Get("nothing"), ProblemError);
   EXPECT_EQ(jobs.Counts()[JobState::kDone], 1U);
 
-  JobQueue later(store_.get());  // another run of the server
+  Jobs later(*store_);  // another run of the server
   later.Start();
   const JobStatus kept = later.Get(added.id);
   EXPECT_EQ(kept.state, JobState::kDone);
@@ -63,13 +63,13 @@ TEST_F(JobsTest, TellWhoWaitsOfTheirEnd) {
   const auto count = [&calls] { ++calls; };
   std::shared_ptr<void> outlives;
   {
-    JobQueue jobs(store_.get());
+    Jobs jobs(*store_);
     jobs.Register("train", Kind(UntilStopped));
     jobs.Start();
     const JobStatus first = jobs.Add("train", "default", Json::object());
     const JobStatus second = jobs.Add("train", "default", Json::object());
     const auto unknown = jobs.WhenEnded("nothing", count);
-    EXPECT_EQ(calls, 1) << "at once, as there is nothing to wait for";
+    EXPECT_TRUE(Eventually([&] { return calls == 1; })) << "there is nothing to wait for";
     const auto told = jobs.WhenEnded(first.id, count);
     const auto told_too = jobs.WhenEnded(first.id, count);
     auto gone = jobs.WhenEnded(first.id, [&late] { ++late; });
@@ -78,13 +78,9 @@ TEST_F(JobsTest, TellWhoWaitsOfTheirEnd) {
     EXPECT_EQ(calls, 1);
     jobs.Cancel(first.id);
     EXPECT_TRUE(jobs.WaitFor(first.id, kPatience));
-    const auto begin = std::chrono::steady_clock::now();
-    while (calls < 3 && std::chrono::steady_clock::now() - begin < kPatience) {
-      std::this_thread::sleep_for(milliseconds(1));
-    }
-    EXPECT_EQ(calls, 3);
+    EXPECT_TRUE(Eventually([&] { return calls == 3; }));
     const auto ended = jobs.WhenEnded(first.id, count);
-    EXPECT_EQ(calls, 4);
+    EXPECT_TRUE(Eventually([&] { return calls == 4; }));
   }
   EXPECT_EQ(calls, 5) << "the end of the queue is an end of waiting";
   EXPECT_EQ(late, 0);
@@ -92,7 +88,7 @@ TEST_F(JobsTest, TellWhoWaitsOfTheirEnd) {
 }
 
 TEST_F(JobsTest, FailAndAreCancelled) {
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   jobs.Register("wait", Kind(UntilStopped));
   jobs.Register("fail", Kind([](const JobStatus&, const JobContext&) -> std::string {
                   throw Error(ErrorCode::kConflict, "no_images", "none");
@@ -115,11 +111,11 @@ TEST_F(JobsTest, FailAndAreCancelled) {
 
 // Another process holds the write lock: rows wait for it, and nobody waits for the rows.
 TEST_F(JobsTest, AreShownWhileTheDatabaseIsBusy) {
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   std::atomic<int> steps{0};
   jobs.Register("train", Kind([&](const JobStatus&, const JobContext& context) {
                   for (; steps < 3; ++steps) {
-                    context.Progress(steps, 3);
+                    context.progress(steps, 3);
                     std::this_thread::sleep_for(milliseconds(10));
                   }
                   return std::string("/result");
@@ -146,16 +142,16 @@ TEST_F(JobsTest, AreShownWhileTheDatabaseIsBusy) {
 TEST_F(JobsTest, AreSavedInOrder) {
   std::vector<std::string> ids;
   {
-    JobQueue jobs(store_.get());
+    Jobs jobs(*store_);
     jobs.Register("train", Kind([&](const JobStatus& job, const JobContext& context) {
                     std::vector<std::jthread> helpers;
                     for (int t = 0; t < 4; ++t) {
                       helpers.emplace_back([&] {
-                        for (int i = 0; i < 50; ++i) context.Progress(i, 50);
+                        for (int i = 0; i < 50; ++i) context.progress(i, 50);
                       });
                     }
                     helpers.clear();
-                    context.Skipped({job.id, "image_truncated", "it ends"});
+                    context.skipped({job.id, "image_truncated", "it ends"});
                     return "/result/" + job.id;
                   }));
     jobs.Start();
@@ -193,7 +189,7 @@ TEST_F(JobsTest, ImportsStayInsideTheDirectory) {
 
 TEST_F(JobsTest, BackupsHaveSafeNames) {
   const Backups backups(folder_.path());
-  JobQueue jobs(store_.get());
+  Jobs jobs(*store_);
   for (const std::string& name : std::vector<std::string>{"../x.db", "/tmp/x.db", "x", ".db",
                                                           ".x.db", "a/b.db", "x.db\n", "ü.db"}) {
     EXPECT_EQ(CodeOf([&] { backups.Add(jobs, name); }), "invalid_parameter") << name;
@@ -213,8 +209,8 @@ TEST_F(JobsTest, BackupsSayNothingOfTheDirectory) {
   options.descriptor = "rootsift";
   Engine engine(options);
   const Backups backups(directory);
-  JobQueue jobs(store_.get());
-  backups.RegisterJob(jobs, engine);
+  Jobs jobs(*store_);
+  backups.RegisterJob(jobs.runner(), engine);
   jobs.Start();
   std::filesystem::remove(directory);
   const std::string id = backups.Add(jobs, "a.db").id;

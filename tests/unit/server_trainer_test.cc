@@ -7,8 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "index/store/open_store.h"
-#include "server/jobs/auto_trainer.h"
-#include "server/jobs/training_job.h"
+#include "server/jobs/training.h"
 #include "tests/unit/index_test_images.h"
 
 namespace pliant::server {
@@ -30,14 +29,16 @@ class TrainerTest : public ::testing::Test {
     options.descriptor = "rootsift";
     engine_ = std::make_unique<Engine>(options);
     store_ = OpenServiceStore(options.database);
-    jobs_ = std::make_unique<JobQueue>(store_.get());
-    RegisterVocabularyJobs(*jobs_, *engine_, pool_);
-    jobs_->Start();
+    jobs_ = std::make_unique<JobStore>(*store_);
+    runner_ = std::make_unique<JobRunner>(*jobs_);
+    RegisterVocabularyJobs(*runner_, *engine_, pool_);
+    runner_->Start();
     trainer_ = std::make_unique<AutoTrainer>(*engine_, *jobs_);
     trainer_->Stop();  // it is asked by the test, not by time
   }
   void Stop() {
     trainer_.reset();
+    runner_.reset();
     jobs_.reset();
     store_.reset();
     engine_.reset();
@@ -65,7 +66,8 @@ class TrainerTest : public ::testing::Test {
   WorkerPool pool_{{.cores = 2}};
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServiceStore> store_;
-  std::unique_ptr<JobQueue> jobs_;
+  std::unique_ptr<JobStore> jobs_;
+  std::unique_ptr<JobRunner> runner_;
   std::unique_ptr<AutoTrainer> trainer_;
   std::uint64_t next_ = 1;
 };
@@ -124,11 +126,10 @@ TEST_F(TrainerTest, AutomaticTrainingThatIsNoLongerDueTrainsNothing) {
   EXPECT_TRUE(Train());
   TrainOptions options;
   options.automatic = true;  // as another server queued it before this one's was done
-  const auto job = AddAutomaticTrainingJob(*jobs_, options);
-  ASSERT_TRUE(job);
-  ASSERT_TRUE(jobs_->WaitFor(job->id, kTrainingTime));
-  EXPECT_EQ(jobs_->Get(job->id).state, JobState::kDone);
-  EXPECT_EQ(jobs_->Get(job->id).result, "/v1/collections/default/vocabularies/1");
+  const JobStatus job = AddTrainingJob(*jobs_, options, /*activate=*/true);
+  ASSERT_TRUE(jobs_->WaitFor(job.id, kTrainingTime));
+  EXPECT_EQ(jobs_->Get(job.id).state, JobState::kDone);
+  EXPECT_EQ(jobs_->Get(job.id).result, "/v1/collections/default/vocabularies/1");
   EXPECT_EQ(engine_->ListVocabularies(kDefaultCollection).size(), 1U);
 }
 

@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/job_runner.h"
+
+#include <utility>
+
+#include <spdlog/spdlog.h>
+
+#include "descriptor/base/error.h"
+
+namespace pliant::server {
+
+namespace {
+
+constexpr int kUnavailable = 503;
+constexpr std::chrono::seconds kPauseWhenUnavailable{1};
+
+}  // namespace
+
+JobRunner::~JobRunner() {
+  store_.Stop();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void JobRunner::Register(const std::string& kind, JobKind how) {
+  kinds_.emplace(kind, std::move(how));
+}
+
+void JobRunner::Start() {
+  watcher_ = std::make_unique<JobWatcher>(store_, [this](const JobRecord& job) { Adopt(job); });
+  for (const auto& [kind, how] : kinds_) {
+    threads_.emplace_back([this, name = kind] { Run(name); });
+  }
+}
+
+bool JobRunner::MayBegin(const JobStatus& status) const {
+  const auto kind = kinds_.find(status.kind);
+  if (kind == kinds_.end()) return false;
+  return status.state == JobState::kQueued ||
+         (kind->second.resumes && status.attempts < kMaxAttempts);
+}
+
+void JobRunner::Adopt(const JobRecord& record) {
+  JobStatus status = FromRecord(record);
+  const bool runs = status.state == JobState::kRunning;
+  if (record.cancel) {
+    status.state = JobState::kCancelled;
+  } else if (MayBegin(status)) {
+    status.state = JobState::kQueued;
+  } else {
+    status.state = JobState::kFailed;
+    status.problem =
+        ProblemError("interrupted", "The server ended during this job. Start the job again.")
+            .problem();
+  }
+  if (store_.Adopt(record.owner, status) && runs && status.state == JobState::kQueued) {
+    spdlog::info("job {} ({}) begins again", status.id, status.kind);
+  }
+}
+
+void JobRunner::Run(const std::string& kind) {
+  while (const JobStore::OwnJobPtr job = store_.Take(kind)) {
+    store_.Save(job, store_.Snapshot(job).status);
+    if (store_.IsOwn(job)) Execute(job);
+  }
+}
+
+void JobRunner::Execute(const JobStore::OwnJobPtr& job) {
+  const JobContext context{
+      job->stop.get_token(),
+      [this, &job](double done, double total) { store_.Progress(job, done, total); },
+      [this, &job](const SkippedItem& item) { store_.Skip(job, item); }};
+  const JobStatus status = store_.Snapshot(job).status;
+  std::string result;
+  std::optional<Problem> problem;
+  bool stopped = false;
+  try {
+    result = kinds_.at(status.kind).run(status, context);
+  } catch (const Error& error) {
+    stopped = error.code() == ErrorCode::kCancelled;
+    problem = CurrentProblem();
+  } catch (...) {
+    problem = CurrentProblem();
+  }
+  Finish(job, result, std::move(problem), stopped);
+}
+
+void JobRunner::Finish(const JobStore::OwnJobPtr& job, const std::string& result,
+                       std::optional<Problem> problem, bool stopped) {
+  const bool again =
+      problem && problem->status == kUnavailable && MayBegin(store_.Snapshot(job).status);
+  // A database that is away would use up all attempts at once.
+  while (again && !store_.Save(job, store_.Snapshot(job).status) &&
+         !store_.StoppedWithin(kPauseWhenUnavailable)) {
+  }
+  JobStore::OwnJob own = store_.Snapshot(job);
+  JobStatus& status = own.status;
+  const bool stopping = store_.StoppedWithin(std::chrono::milliseconds(0));
+  if (!problem) {
+    status.result = result;
+    status.done = status.total;
+    status.state = JobState::kDone;
+  } else if (own.cancelled && (stopped || again)) {
+    status.state = JobState::kCancelled;
+  } else if (stopping && (stopped || again || problem->code == "stopping")) {
+    --status.attempts;  // the job is not at fault
+    status.state = JobState::kQueued;
+  } else if (again) {
+    spdlog::warn("job {} ({}) begins again: {} {}", status.id, status.kind, problem->code,
+                 problem->internal);
+    status.state = JobState::kQueued;
+  } else {
+    spdlog::error("job {} ({}) failed: {} {} {}", status.id, status.kind, problem->code,
+                  problem->detail, problem->internal);
+    status.problem = std::move(problem);
+    status.state = JobState::kFailed;
+  }
+  store_.Update(job, std::move(status));
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Watches the jobs in the database for what other servers do.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <thread>
+
+#include "server/jobs/job_store.h"
+
+namespace pliant::server {
+
+// Cancels own jobs whose end another server asked for, wakes those who wait for another server's
+// job, and offers the jobs of servers that no longer live to `adopt`.
+class JobWatcher {
+ public:
+  using Adopt = std::function<void(const JobRecord&)>;
+  static constexpr std::chrono::milliseconds kPollEvery{1'000};
+
+  // Polls once at once.
+  JobWatcher(JobStore& store, Adopt adopt);
+  ~JobWatcher();  // after JobStore::Stop()
+  JobWatcher(const JobWatcher&) = delete;
+  JobWatcher& operator=(const JobWatcher&) = delete;
+
+ private:
+  void Poll();
+
+  JobStore& store_;
+  const Adopt adopt_;
+  std::int64_t seen_version_ = -1;  // of the database
+  bool others_work_ = false;        // another server has jobs that have not ended
+  bool works_ = true;               // the last poll has worked
+  std::thread thread_;
+};
+
+}  // namespace pliant::server
