@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How a store names what it keeps, what a ranker knows of an image, and which images a search may
-// answer with. Plain values.
+// How a store names what it keeps, what a ranker knows of an image, and which images a search
+// may answer with. Plain values.
 #pragma once
 
 #include <algorithm>
@@ -27,8 +27,8 @@ struct ImageRef {
   std::int64_t version = 0;  // 0 = the present one, whichever that is
 };
 
-// What a ranker knows of an image. Whatever else a ranker needs of an image comes here, beside the
-// words (codes of descriptors, for example): the change feed fills it, segments keep it.
+// What a ranker knows of an image. Whatever else a ranker needs of an image comes here, beside
+// the words (codes of descriptors, for example): the change feed fills it, segments keep it.
 struct IndexedImage {
   std::int64_t key = 0;     // ImageRef::version: unique, never used twice
   std::int64_t object = 0;  // 0 = no object
