@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "index/json/json.h"
+#include "index/records/explanation.h"
 #include "index/verify/locate.h"
-#include "index/verify/warp_mesh.h"
 
 namespace pliant {
 

@@ -7,7 +7,6 @@
 
 #include "index/json/location_json.h"
 #include "index/json/record_json.h"
-#include "index/verify/warp_mesh.h"
 
 namespace pliant {
 namespace {

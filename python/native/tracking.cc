@@ -86,7 +86,7 @@ void BindTracking(py::module_& module) {
       .def("next", &NextFrame)
       .def_property_readonly("skipped", [](const FrameSource& source) {
         py::list skipped;
-        for (const SkippedFrame& s : source.skipped())
+        for (const SkippedFile& s : source.skipped())
           skipped.append(py::make_tuple(py::bytes(s.file), s.code, py::bytes(s.reason)));
         return skipped;
       });

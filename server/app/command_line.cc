@@ -11,8 +11,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include "index/usage/checks.h"
-#include "index/usage/usage_error.h"
+#include "index/usage/usage.h"
 
 namespace pliant::server {
 
