@@ -34,6 +34,7 @@ namespace {
 struct Options {
   EngineOptions engine;
   std::string collection;
+  std::string only_collection;  // of `stats`; empty = all
   std::filesystem::path backup;
   std::string place;
   CopyOptions copy;             // `from` is the database
@@ -118,10 +119,10 @@ ExitStatus Stats(Options& options) {
   EngineStats stats = engine.Stats();
   const auto originals = engine.DescribeOriginals();
   Json collections = Json::array();
-  if (options.collection.empty()) {
+  if (options.only_collection.empty()) {
     collections = CollectionsJson(engine);
   } else {  // sizes, descriptor and model are still those of the database
-    const CollectionRecord collection = engine.GetCollection(options.collection);
+    const CollectionRecord collection = engine.GetCollection(options.only_collection);
     stats.images = collection.images;
     stats.objects = collection.objects;
     stats.descriptors = collection.descriptors;
@@ -141,10 +142,10 @@ ExitStatus Stats(Options& options) {
       {"model_id", stats.model_id},
       {"originals", OriginalsJson(originals)},
       {"vocabulary", stats.vocabulary ? VocabularyDocument(*stats.vocabulary) : Json(nullptr)}};
-  if (options.collection.empty()) {
+  if (options.only_collection.empty()) {
     json["collections"] = std::move(collections);
   } else {
-    json["collection"] = ToDisplayText(options.collection);
+    json["collection"] = ToDisplayText(options.only_collection);
   }
   PrintJson(json);
   return ExitStatus::kDone;
@@ -414,7 +415,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       "init --db postgresql://pliant@host/pliant");
   add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
       "stats --db my.db --collection shirts")
-      ->add_option("--collection", options->collection, "only this collection")
+      ->add_option("--collection", options->only_collection, "only this collection")
       ->type_name("NAME");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,

@@ -28,10 +28,11 @@ bool WantsJson(const CLI::App& app) {
   return false;
 }
 
-// Help shows each option's default, but for empty lists.
+// Help shows each option's default, except for empty lists and required options.
 void HideEmptyDefaults(CLI::App& app) {
   for (CLI::Option* option : app.get_options()) {
-    if (option->get_default_str() == "{}") option->default_str("");
+    const std::string text = option->get_default_str();
+    if (text == "[]" || text == "{}" || option->get_required()) option->default_str("");
   }
   for (CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
     HideEmptyDefaults(*sub);

@@ -14,8 +14,7 @@ namespace pliant {
 namespace {
 
 constexpr int kLeastSide = 16;
-// Part of the box that is described around the region, so that keypoints at its border have
-// context.
+// Share of the box that is described around it, so that keypoints at its border have context.
 constexpr double kMargin = 0.25;
 
 PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
