@@ -61,10 +61,9 @@ set(PLIANT_PUBLIC_HEADERS
     index/records/listing.h
     index/records/records.h
     index/records/search.h
-    index/verify/explain.h
     index/verify/locate.h
     index/verify/verification.h
-    index/verify/warp_mesh.h
+    index/verify/warp_geometry.h
     vocab/k_medoids.h
     vocab/quantizer.h
     vocab/residual_codes.h

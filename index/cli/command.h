@@ -7,7 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "index/cli/output.h"
-#include "index/usage/checks.h"
+#include "index/usage/usage.h"
 
 namespace pliant::cli {
 
@@ -18,7 +18,6 @@ void AddDbCommand(CLI::App& program, ExitStatus& status);
 void AddDescribeCommand(CLI::App& program, ExitStatus& status);
 void AddSimulateCommand(CLI::App& program, ExitStatus& status);
 void AddMatchCommand(CLI::App& program, ExitStatus& status);
-void AddEvalCommand(CLI::App& program, ExitStatus& status);
 void AddTrackCommand(CLI::App& program, ExitStatus& status);
 // The benchmarks of `pliant eval`.
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);

@@ -1,18 +1,21 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant db init | stats | check | backup | restore | copy | export | originals | rm
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
+
+#include <unistd.h>
 
 #include "descriptor/base/format_bytes.h"
 #include "index/cli/command.h"
-#include "index/cli/db_check.h"
-#include "index/cli/db_stats.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
@@ -28,46 +31,217 @@
 namespace pliant::cli {
 namespace {
 
-// pliant db copy
-struct CopyCommandOptions {
-  std::filesystem::path from;
-  std::filesystem::path to;
-  std::uint64_t compare = 100;  // rankings, afterwards
-  int commit_every = 250;
-  bool json = false;
-};
-
-// pliant db export
-struct ExportOptions {
+struct Options {
+  EngineOptions engine;
+  std::string collection;
+  std::string only_collection;  // of `stats`; empty = all
+  std::filesystem::path backup;
+  std::string place;
+  CopyOptions copy;             // `from` is the database
+  std::uint64_t compare = 100;  // rankings, after the copy
   // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each.
   std::filesystem::path out;
-  std::string collection;
-  std::optional<std::string> object;  // only its images
-  std::string filter;                 // only those whose metadata pass
+  std::optional<std::string> object;  // only its images are exported
+  std::string filter;                 // only images whose metadata match
+  std::vector<std::string> ids;
+  std::vector<std::string> objects;
+  bool sweep = false;
+  bool replace = false;
   bool json = false;
 };
 
-// What the rankings of both say, as a list of differences.
-RankingsCompared Compare(const CopyOptions& copy, std::uint64_t count) {
-  const auto open = [](const std::filesystem::path& database) {
-    EngineOptions engine;
-    engine.database = database;
-    engine.descriptor.clear();
-    engine.create = false;
-    engine.load_descriptor = false;
-    engine.read_only = true;
-    return Engine(engine);
-  };
-  Engine from = open(copy.from);
-  Engine to = open(copy.to);
-  return CompareRankings(from, to, count);
+enum class Access { kRead, kWrite };
+
+// An existing database, as it is, without its descriptor.
+Engine Open(EngineOptions options, Access access, bool with_index = false) {
+  options.descriptor.clear();
+  options.create = false;
+  options.load_descriptor = false;
+  options.load_index = with_index;
+  options.read_only = access == Access::kRead;
+  return Engine(options);
 }
 
-ExitStatus RunCopy(const CopyCommandOptions& options) {
-  CopyOptions copy;
-  copy.from = options.from;
-  copy.to = options.to;
-  copy.commit_every = options.commit_every;
+ExitStatus Initialize(Options& options) {
+  InitializeDatabase(options.engine.database.string());
+  if (options.json) {
+    PrintJson({{"database", PathText(options.engine.database)}});
+  } else {
+    Print("the database has Pliant's tables");
+  }
+  return ExitStatus::kDone;
+}
+
+Json OriginalsJson(const std::optional<OriginalsRecord>& originals) {
+  if (!originals) return nullptr;
+  return {{"directory", PathText(originals->directory)},
+          {"files", originals->files},
+          {"owned", originals->owned}};
+}
+
+Json CollectionsJson(Engine& engine) {
+  Json list = Json::array();
+  for (const std::string& name : engine.ListCollections()) {
+    try {
+      list.push_back(
+          {{"name", ToDisplayText(name)}, {"images", engine.GetCollection(name).images}});
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kNotFound) throw;  // removed meanwhile
+    }
+  }
+  return list;
+}
+
+void PrintStats(const EngineStats& stats, const std::optional<OriginalsRecord>& originals,
+                const Json& collections) {
+  Print("images       {}", stats.images);
+  Print("objects      {}", stats.objects);
+  Print("descriptors  {}", stats.descriptors);
+  Print("on disk      {}", FormatBytes(stats.database_bytes));
+  Print("in memory    {}", FormatBytes(stats.index_bytes));
+  if (originals) {
+    Print("originals    {} files in {}", originals->files, originals->directory.string());
+  }
+  Print("descriptor   {} ({})", stats.descriptor, stats.model_id);
+  const auto& vocabulary = stats.vocabulary;
+  Print("vocabulary   {}",
+        vocabulary ? fmt::format("{} of {} words", vocabulary->id, vocabulary->words) : "none yet");
+  std::string lead = "collections  ";
+  for (const Json& c : collections) {
+    Print("{}{}: {} {}", std::exchange(lead, std::string(lead.size(), ' ')),
+          c["name"].get<std::string>(), c["images"].get<std::uint64_t>(),
+          c["images"] == 1 ? "image" : "images");
+  }
+}
+
+ExitStatus Stats(Options& options) {
+  Engine engine = Open(options.engine, Access::kRead, true);
+  EngineStats stats = engine.Stats();
+  const auto originals = engine.DescribeOriginals();
+  Json collections = Json::array();
+  if (options.only_collection.empty()) {
+    collections = CollectionsJson(engine);
+  } else {  // sizes, descriptor and model are still those of the database
+    const CollectionRecord collection = engine.GetCollection(options.only_collection);
+    stats.images = collection.images;
+    stats.objects = collection.objects;
+    stats.descriptors = collection.descriptors;
+    stats.vocabulary = collection.vocabulary;
+  }
+  if (!options.json) {
+    PrintStats(stats, originals, collections);
+    return ExitStatus::kDone;
+  }
+  Json json = {
+      {"images", stats.images},
+      {"objects", stats.objects},
+      {"descriptors", stats.descriptors},
+      {"database_bytes", stats.database_bytes},
+      {"index_bytes", stats.index_bytes},
+      {"descriptor", stats.descriptor},
+      {"model_id", stats.model_id},
+      {"originals", OriginalsJson(originals)},
+      {"vocabulary", stats.vocabulary ? VocabularyDocument(*stats.vocabulary) : Json(nullptr)}};
+  if (options.only_collection.empty()) {
+    json["collections"] = std::move(collections);
+  } else {
+    json["collection"] = ToDisplayText(options.only_collection);
+  }
+  PrintJson(json);
+  return ExitStatus::kDone;
+}
+
+void RequireOwnOriginals(const std::optional<OriginalsRecord>& originals) {
+  if (originals && originals->owned) return;
+  throw Error(ErrorCode::kConflict, "originals_foreign",
+              originals ? "the directory " + originals->directory.string() +
+                              " does not belong to this database (yet): nothing was removed"
+                        : "the originals are in the database: there is no directory to sweep");
+}
+
+// What to do about the problems. A backup does not hold the files of the originals' directory.
+void Advise(const std::optional<OriginalsRecord>& originals,
+            const std::vector<std::string>& problems) {
+  const std::string directory = originals ? originals->directory.string() : "";
+  const auto of_files = std::ranges::count_if(problems, [&](const std::string& problem) {
+    return !directory.empty() && problem.find(directory) != std::string::npos;
+  });
+  if (of_files > 0) {
+    Message(
+        "originals are files of {} and in no backup: mount that directory, put a copy of it there, "
+        "or name the one that has them with --originals-dir",
+        directory);
+  }
+  if (of_files == std::ssize(problems)) return;
+  Message("to go back to a backup: pliant db restore BACKUP --db FILE --replace");
+}
+
+ExitStatus Check(Options& options) {
+  // A file that this user may not write is checked as it is.
+  const std::string database = options.engine.database.string();
+  const bool is_file = access(database.c_str(), F_OK) == 0;
+  const bool read = is_file && !options.sweep && access(database.c_str(), W_OK) != 0;
+  Engine engine = Open(options.engine, read ? Access::kRead : Access::kWrite);
+  const std::vector<std::string> problems = engine.Check();
+  Json answer{{"ok", problems.empty()}, {"problems", Json::array()}};
+  for (const std::string& problem : problems) answer["problems"].push_back(ToDisplayText(problem));
+  if (options.sweep) {
+    RequireOwnOriginals(engine.DescribeOriginals());
+    answer["swept"] = engine.SweepOriginals();
+    if (!options.json) Print("removed {} unreferenced files", answer["swept"].get<std::uint64_t>());
+  }
+  if (options.json) {
+    PrintJson(answer);
+  } else if (problems.empty()) {
+    Print("ok");
+  } else {
+    for (const std::string& problem : problems) {  // the store tells several things in one text
+      std::istringstream lines(problem);
+      for (std::string line; std::getline(lines, line);) Print(ToDisplayText(line));
+    }
+    Advise(engine.DescribeOriginals(), problems);
+  }
+  return problems.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+}
+
+ExitStatus Backup(Options& options) {
+  Engine engine = Open(options.engine, Access::kRead);
+  const Interrupt interrupt;
+  engine.Backup(options.backup, interrupt.token());
+  const auto originals = engine.DescribeOriginals();
+  const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
+  if (options.json) {
+    PrintJson({{"file", PathText(options.backup)},
+               {"bytes", bytes},
+               {"originals", OriginalsJson(originals)}});
+    return ExitStatus::kDone;
+  }
+  Print("wrote {}, {}", options.backup.string(), FormatBytes(bytes));
+  if (originals && originals->files > 0) {
+    Message("the originals of {} images are not in the backup: copy the directory {} now",
+            originals->files, originals->directory.string());
+  }
+  return ExitStatus::kDone;
+}
+
+ExitStatus Restore(Options& options) {
+  const RestoreResult result =
+      RestoreDatabase(options.backup, options.engine.database, options.replace);
+  if (options.json) {
+    PrintJson({{"file", PathText(options.engine.database)},
+               {"images", result.images},
+               {"before", TextOrNull(PathText(result.before))}});
+    return ExitStatus::kDone;
+  }
+  Print("restored {}, {} images", options.engine.database.string(), result.images);
+  if (!result.before.empty()) Print("the database before is now {}", result.before.string());
+  Message("API keys are those of the backup: revoke again what was revoked since");
+  return ExitStatus::kDone;
+}
+
+ExitStatus Copy(Options& options) {
+  CopyOptions& copy = options.copy;
+  copy.from = options.engine.database;
   Interrupt interrupt;
   copy.stop = interrupt.token();
   CopyResult result;
@@ -76,7 +250,15 @@ ExitStatus RunCopy(const CopyCommandOptions& options) {
     copy.progress = [&](std::uint64_t done, std::uint64_t total) { progress.Count(done, total); };
     result = CopyDatabase(copy);
   }
-  const RankingsCompared compared = Compare(copy, options.compare);
+  const auto open = [](const std::filesystem::path& database) {
+    EngineOptions engine;
+    engine.database = database;
+    return Open(engine, Access::kRead, true);
+  };
+  Engine from = open(copy.from);
+  Engine to = open(copy.to);
+  const RankingsCompared compared = CompareRankings(from, to, options.compare);
+  const std::vector<std::string>& differences = compared.differences;
   if (options.json) {
     PrintJson({{"collections", result.collections},
                {"copied", result.copied},
@@ -86,30 +268,22 @@ ExitStatus RunCopy(const CopyCommandOptions& options) {
                {"vocabularies", result.vocabularies},
                {"keys", result.keys},
                {"rankings_compared", compared.compared},
-               {"differences", compared.differences}});
+               {"differences", differences}});
   } else {
-    Print("copied " + std::to_string(result.copied) + " images, " +
-          std::to_string(result.unchanged) + " were there, of " +
-          std::to_string(result.collections) + " collections; " +
-          std::to_string(result.vocabularies) + " vocabularies, " + std::to_string(result.keys) +
-          " API keys");
-    Print("compared " + std::to_string(compared.compared) + " rankings: " +
-          (compared.differences.empty() ? "all the same"
-                                        : std::to_string(compared.differences.size()) + " differ"));
-    for (const std::string& difference : compared.differences) Print(difference);
+    Print("copied {} images, {} were there, of {} collections; {} vocabularies, {} API keys",
+          result.copied, result.unchanged, result.collections, result.vocabularies, result.keys);
+    Print("compared {} rankings: {}", compared.compared,
+          differences.empty() ? "all the same" : fmt::format("{} differ", differences.size()));
+    for (const std::string& difference : differences) Print(difference);
   }
   if (result.extra > 0) {
-    Message(std::to_string(result.extra) +
-            " images are in the copy and not, or not any more, in what was copied");
+    Message("{} images of the copy are no longer, or were never, in the source", result.extra);
   }
   if (result.without_content > 0) {
-    Message("of " + std::to_string(result.without_content) +
-            " images there are no uploaded bytes to copy");
+    Message("{} images have no uploaded bytes to copy", result.without_content);
   }
-  return compared.differences.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
+  return differences.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }
-
-constexpr int kRecordsAtOnce = 500;
 
 std::int64_t ExportNpz(Engine& engine, ImageListing list, const std::filesystem::path& out) {
   NewFile file(out);
@@ -121,6 +295,7 @@ std::int64_t ExportNpz(Engine& engine, ImageListing list, const std::filesystem:
 }
 
 std::int64_t ExportRecords(Engine& engine, ImageListing list, const std::filesystem::path& out) {
+  constexpr int kRecordsAtOnce = 500;
   list.limit = kRecordsAtOnce;
   std::optional<NewFile> file;
   if (out != kStandardOutput) file.emplace(out);
@@ -137,130 +312,40 @@ std::int64_t ExportRecords(Engine& engine, ImageListing list, const std::filesys
   return images;
 }
 
-// Throws kInvalidArgument "bad_export_name" for another extension.
-void CheckExportName(const std::filesystem::path& out) {
-  if (out == kStandardOutput || out.extension() == ".npz" || out.extension() == ".ndjson") return;
-  throw Error(
-      ErrorCode::kInvalidArgument, "bad_export_name",
-      ToDisplayText(out.string()) +
-          ": features are exported as .npz (NumPy), records as .ndjson; end the name in one "
-          "of them, or give - for records on standard output");
-}
-
 // Replaces the file, by images that are all of one state of the database.
-ExitStatus RunExport(Engine& engine, const ExportOptions& options) {
+ExitStatus Export(Options& options) {
+  const bool to_output = options.out == kStandardOutput;
+  const bool npz = options.out.extension() == ".npz";
+  const std::string file = PathText(options.out);
+  if (!to_output && !npz && options.out.extension() != ".ndjson") {
+    throw Error(ErrorCode::kInvalidArgument, "bad_export_name",
+                file +
+                    ": features are exported as .npz (NumPy), records as .ndjson; end the name in "
+                    "one of them, or give - for records on standard output");
+  }
+  CheckWritable(options.out);
+  Engine engine = Open(options.engine, Access::kRead);
   ImageListing list;
   list.which.collection = options.collection;
   list.which.object = options.object;
   if (!options.filter.empty()) list.which.filter = ParseFilter(options.filter);
-  const auto write = options.out.extension() == ".npz" ? ExportNpz : ExportRecords;
-  if (options.out == kStandardOutput) ClaimStandardOutput("FILE", options.json);
-  const std::int64_t images = write(engine, list, options.out);
-  if (options.out == kStandardOutput) {
-    Message("wrote " + std::to_string(images) + " records");
+  if (to_output) ClaimStandardOutput("FILE", options.json);
+  const std::int64_t images = (npz ? ExportNpz : ExportRecords)(engine, list, options.out);
+  if (to_output) {
+    Message("wrote {} records", images);
     return ExitStatus::kDone;
   }
-  const std::string file = ToDisplayText(options.out.string());
   const std::uintmax_t bytes = std::filesystem::file_size(options.out);
   if (options.json) {
     PrintJson({{"file", file}, {"images", images}, {"bytes", bytes}});
   } else {
-    Print("wrote " + file + ", " + FormatBytes(bytes) + " of " + std::to_string(images) +
-          " images");
+    Print("wrote {}, {} of {} images", file, FormatBytes(bytes), images);
   }
   return ExitStatus::kDone;
-}
-
-struct Options {
-  EngineOptions engine;
-  std::string collection;
-  std::string only_collection;  // of `stats`; empty = all
-  std::filesystem::path backup;
-  std::string place;
-  CopyCommandOptions copy;
-  ExportOptions exporting;
-  std::vector<std::string> ids;
-  std::vector<std::string> objects;
-  bool sweep = false;
-  bool replace = false;
-  bool json = false;
-};
-
-Engine OpenEngine(Options& options, Access access) { return OpenForCare(options.engine, access); }
-
-ExitStatus Initialize(Options& options) {
-  InitializeDatabase(options.engine.database.string());
-  if (options.json) {
-    PrintJson({{"database", ToDisplayText(options.engine.database.string())}});
-  } else {
-    Print("the database has Pliant's tables");
-  }
-  return ExitStatus::kDone;
-}
-
-ExitStatus Stats(Options& options) {
-  return RunStats(options.engine, {.collection = options.only_collection, .json = options.json});
-}
-
-ExitStatus Check(Options& options) {
-  return RunCheck(options.engine, {.sweep = options.sweep, .json = options.json});
-}
-
-ExitStatus Backup(Options& options) {
-  Engine engine = OpenEngine(options, Access::kRead);
-  const Interrupt interrupt;
-  engine.Backup(options.backup, interrupt.token());
-  const auto originals = engine.DescribeOriginals();
-  const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
-  if (options.json) {
-    PrintJson({{"file", ToDisplayText(options.backup.string())},
-               {"bytes", bytes},
-               {"originals", OriginalsJson(originals)}});
-  } else {
-    Print("wrote " + options.backup.string() + ", " + FormatBytes(bytes));
-    if (originals && originals->files > 0) {
-      Message("the originals of " + std::to_string(originals->files) +
-              " images are not in the backup: copy the directory " + originals->directory.string() +
-              " now");
-    }
-  }
-  return ExitStatus::kDone;
-}
-
-ExitStatus Restore(Options& options) {
-  const RestoreResult result =
-      RestoreDatabase(options.backup, options.engine.database, options.replace);
-  if (options.json) {
-    PrintJson({{"file", ToDisplayText(options.engine.database.string())},
-               {"images", result.images},
-               {"before", result.before.empty() ? Json(nullptr)
-                                                : Json(ToDisplayText(result.before.string()))}});
-    return ExitStatus::kDone;
-  }
-  Print("restored " + options.engine.database.string() + ", " + std::to_string(result.images) +
-        " images");
-  if (!result.before.empty()) Print("what was there is now " + result.before.string());
-  Message("API keys are those of the backup: revoke again what was revoked since");
-  return ExitStatus::kDone;
-}
-
-ExitStatus CopyAll(Options& options) {
-  options.copy.from = options.engine.database;
-  options.copy.json = options.json;
-  return RunCopy(options.copy);
-}
-
-ExitStatus Export(Options& options) {
-  CheckExportName(options.exporting.out);
-  CheckWritable(options.exporting.out);
-  options.exporting.collection = options.collection;
-  options.exporting.json = options.json;
-  Engine engine = OpenEngine(options, Access::kRead);
-  return RunExport(engine, options.exporting);
 }
 
 ExitStatus MoveOriginals(Options& options) {
-  Engine engine = OpenEngine(options, Access::kWrite);
+  Engine engine = Open(options.engine, Access::kWrite);
   MoveOriginalsResult result;
   {
     Progress progress("moving originals");
@@ -270,11 +355,11 @@ ExitStatus MoveOriginals(Options& options) {
   if (options.json) {
     PrintJson({{"moved", result.moved}, {"left", result.left}});
   } else {
-    Print("moved the originals of " + std::to_string(result.moved) + " images");
+    Print("moved the originals of {} images", result.moved);
   }
   if (result.left == 0) return ExitStatus::kDone;
-  Message("skipped " + std::to_string(result.left) +
-          ": their files are missing or damaged; `pliant db check` names them");
+  Message("skipped {}: their files are missing or damaged; `pliant db check` names them",
+          result.left);
   return ExitStatus::kSomeSkipped;
 }
 
@@ -282,9 +367,9 @@ ExitStatus Remove(Options& options) {
   if (options.ids.empty() && options.objects.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "nothing_named", "give image ids or --object");
   }
-  Engine engine = OpenEngine(options, Access::kWrite);
+  Engine engine = Open(options.engine, Access::kWrite);
   std::uint64_t removed = 0;
-  Json missing = Json::array();
+  std::vector<std::string> missing;
   for (const std::string& id : options.ids) {
     if (engine.Remove(options.collection, id)) {
       ++removed;
@@ -300,9 +385,8 @@ ExitStatus Remove(Options& options) {
   if (options.json) {
     PrintJson({{"removed", removed}, {"missing", missing}});
   } else {
-    for (const auto& id : missing)
-      Message("skipped " + id.get<std::string>() + ": it is not in the index");
-    Print("removed " + std::to_string(removed));
+    for (const std::string& id : missing) Message("skipped {}: it is not in the index", id);
+    Print("removed {}", removed);
   }
   return missing.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
@@ -320,63 +404,52 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                        const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
     AddDatabaseFlag(*sub, options->engine);
-    sub->add_option_function<std::string>(
-           "--originals-dir",
-           [options](const std::string& text) {
-             options->engine.originals_dir = ParseOriginalsDir(text);
-           },
-           "directory of the originals (default: the one that the database records)")
-        ->type_name("DIR");
-    sub->add_flag("--json", options->json, "print one JSON document");
+    AddOriginalsFlag(*sub, options->engine,
+                     "directory of the originals (default: as the database remembers)");
+    AddJsonFlag(*sub, options->json);
     sub->footer("Example:  pliant db " + example);
     sub->callback([=, &status] { status = run(*options); });
     return sub;
   };
-  add("init", "Make the tables of a database on a PostgreSQL server, if they are missing",
-      Initialize, "init --db postgresql://pliant@host/pliant");
+  add("init", "Create the missing tables of a database on a PostgreSQL server", Initialize,
+      "init --db postgresql://pliant@host/pliant");
   add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
       "stats --db my.db --collection shirts")
       ->add_option("--collection", options->only_collection, "only this collection")
       ->type_name("NAME");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
-                 "also remove files from the originals' directory that no image refers to");
-  add("backup", "Copy the database to a new file, also while it is in use", Backup,
+                 "also remove files of the originals' directory that no image refers to");
+  add("backup", "Copy the database to a new file, even while it is in use", Backup,
       "backup monday.db --db my.db")
       ->add_option("FILE", options->backup, "the new file")
       ->required();
-  CLI::App* restore = add("restore", "Put a backup in place of the database", Restore,
+  CLI::App* restore = add("restore", "Replace the database with a backup", Restore,
                           "restore monday.db --db my.db --replace");
-  restore->add_option("FILE", options->backup, "the backup; it stays as it is")->required();
+  restore->add_option("FILE", options->backup, "the backup, which stays unchanged")->required();
   restore->add_flag("--replace", options->replace,
-                    "also over an existing database, which is kept under another name");
-  CLI::App* copy = add("copy", "Copy everything into another database, a file or a URL", CopyAll,
+                    "replace an existing database, which is kept under another name");
+  CLI::App* copy = add("copy", "Copy everything into another database, a file or a URL", Copy,
                        "copy postgresql://pliant@host/pliant --db my.db");
-  copy->add_option("TO", options->copy.to,
-                   "the other database; a copy that was stopped goes on there")
+  copy->add_option("TO", options->copy.to, "the other database; a stopped copy is continued there")
       ->required();
-  copy->add_option("--compare", options->copy.compare, "rankings of both to compare afterwards")
-      ->capture_default_str();
+  copy->add_option("--compare", options->compare, "rankings of both to compare afterwards");
   copy->add_option("--commit-every", options->copy.commit_every,
-                   "images written in one commit; fewer where 64 MiB are reached before")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+                   "images per commit; fewer if they reach 64 MiB")
+      ->check(Between(1, 1000));
   CLI::App* exporting =
       add("export", "Write the features of a collection, or its records, to a file", Export,
           "export features.npz --db my.db");
   exporting
-      ->add_option(
-          "FILE", options->exporting.out,
-          "the file to write: features as .npz (NumPy), or records as .ndjson; - = standard "
-          "output, records")
+      ->add_option("FILE", options->out,
+                   "the file to write: features as .npz (NumPy), or records as .ndjson; - = "
+                   "records to standard output")
       ->required();
   AddCollectionFlag(*exporting, options->collection);
-  exporting->add_option("--object", options->exporting.object, "only images of this object")
+  exporting->add_option("--object", options->object, "only images of this object")
       ->type_name("NAME");
-  exporting
-      ->add_option("--filter", options->exporting.filter,
-                   "only images whose metadata match, as of `pliant query`")
-      ->option_text("JSON");
+  AddFilterFlag(*exporting, options->filter,
+                "only images whose metadata match; see `pliant query --help`");
   add("originals", "Move the uploaded files into a directory, or back", MoveOriginals,
       "originals images/ --db my.db")
       ->add_option("DIR|database", options->place, "the new location of the files")

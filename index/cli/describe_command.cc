@@ -12,7 +12,6 @@
 #include "descriptor/features/features.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
-#include "index/cli/folder_features.h"
 #include "index/cli/image_input.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
@@ -22,22 +21,6 @@
 
 namespace pliant::cli {
 namespace {
-
-// Throws kInvalidArgument "bad_features_name" unless the name ends in .npz, and kNoSpace
-// "write_failed" for what CheckWritable refuses. Call it before the work.
-void CheckFeaturesName(const std::filesystem::path& path) {
-  if (path.extension() != ".npz" && path != kStandardOutput) {
-    throw Error(ErrorCode::kInvalidArgument, "bad_features_name",
-                ToDisplayText(path.string()) +
-                    ": features are written as .npz (NumPy); end the name in .npz, or give - for "
-                    "standard output");
-  }
-  CheckWritable(path);
-}
-
-void WriteFeatures(const std::filesystem::path& path, const Features& features) {
-  WriteFile(path, FeaturesNpz(features));
-}
 
 void WriteFolderFeatures(const std::filesystem::path& path,
                          const std::vector<FolderImage>& images) {
@@ -85,7 +68,7 @@ ExitStatus DescribeAll(const Options& options) {
     Message("stopped on request; nothing was written");
     return ExitStatus::kFailed;
   }
-  const std::string root = ToDisplayText(folder.root.string());
+  const std::string root = PathText(folder.root);
   const std::size_t images = folder.images.size();
   if (images == 0) {
     ReportSkipped(folder.skipped);
@@ -94,11 +77,12 @@ ExitStatus DescribeAll(const Options& options) {
   }
   WriteFolderFeatures(options.out, folder.images);
   std::size_t keypoints = 0;
-  for (const FolderImage& image : folder.images) keypoints += image.features.keypoints.size();
+  for (const FolderImage& image : folder.images) {
+    keypoints += image.features.keypoints.size();
+  }
   const Features& first = folder.images.front().features;
-  const std::string file = ToDisplayText(options.out.string());
   if (options.json) {
-    PrintJson({{"file", file},
+    PrintJson({{"file", PathText(options.out)},
                {"folder", root},
                {"images", images},
                {"keypoints", keypoints},
@@ -107,31 +91,32 @@ ExitStatus DescribeAll(const Options& options) {
                {"skipped", SkippedJson(folder.skipped)}});
   } else {
     ReportSkipped(folder.skipped);
-    Print("wrote " + file + ": " + std::to_string(keypoints) + " keypoints of " +
-          std::to_string(images) + (images == 1 ? " image" : " images") + " below " + root + ", " +
-          first.model_id);
+    Print("wrote {}: {} keypoints of {} {} below {}, {}", PathText(options.out), keypoints, images,
+          images == 1 ? "image" : "images", root, first.model_id);
   }
   return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
 ExitStatus Run(const Options& options) {
-  if (options.out == kStandardOutput) ClaimStandardOutput("--out", options.json);
-  CheckFeaturesName(options.out);
+  if (options.out.extension() != ".npz" && options.out != kStandardOutput) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_features_name",
+                PathText(options.out) +
+                    ": features are written as .npz (NumPy); end the name in .npz, or give - for "
+                    "standard output");
+  }
+  CheckOutput(options.out, "--out", options.json);
   std::error_code error;  // reading it says what is wrong
   if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
   const ImageInput image = ReadImage(options.image, options.engine.extraction.decode.max_bytes);
-  const std::string name =
-      options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
-  const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
-                                   options.engine.extraction);
+  const FeatureExtractor extractor(NamedDescriptor(options.engine), options.engine.extraction);
   ExtractionTimings timings;
   const Features features =
       Naming(image, [&] { return extractor.Extract(image.bytes, options.threads, &timings); });
-  WriteFeatures(options.out, features);
+  WriteFile(options.out, FeaturesNpz(features));
   if (options.json) {
-    PrintJson({{"file", ToDisplayText(options.out.string())},
+    PrintJson({{"file", PathText(options.out)},
                {"keypoints", features.keypoints.size()},
-               {"descriptor", name},
+               {"descriptor", DescriptorName(options.engine)},
                {"dim", features.descriptors.dim},
                {"model_id", features.model_id},
                {"width", features.width},
@@ -141,9 +126,8 @@ ExitStatus Run(const Options& options) {
                  {"detect_ms", timings.detect_ms},
                  {"describe_ms", timings.describe_ms}}}});
   } else {
-    Print("wrote " + ToDisplayText(options.out.string()) + ": " +
-          std::to_string(features.keypoints.size()) + " keypoints, " + features.model_id +
-          ", described in " + FormatFixed(timings.describe_ms, 0) + " ms");
+    Print("wrote {}: {} keypoints, {}, described in {:.0f} ms", PathText(options.out),
+          features.keypoints.size(), features.model_id, timings.describe_ms);
   }
   return ExitStatus::kDone;
 }
@@ -154,20 +138,17 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
       "describe",
-      "Write the keypoints and descriptors of an image, or of a folder's, to a file for NumPy");
+      "Write the keypoints and descriptors of an image, or of a folder's images, for NumPy");
   app->add_option("IMAGE|DIR", options->image,
-                  "the image; - = standard input; or a folder, of which all images are "
-                  "described")
+                  "the image (- = standard input), or a folder whose images are all described")
       ->required();
   app->add_option("--out,-o", options->out,
                   "the file to write, as .npz (NumPy); - = standard output")
       ->required()
       ->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
-  app->add_option("--jobs,-j", options->threads, "threads; 0 = one per core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
-  app->add_flag("--json", options->json, "print one JSON document");
+  AddJobsFlag(*app, options->threads);
+  AddJsonFlag(*app, options->json);
   app->footer(
       "Example:  pliant describe PHOTO.jpg --out photo.npz\n"
       "          pliant describe photos/ --out photos.npz");

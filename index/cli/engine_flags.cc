@@ -4,28 +4,12 @@
 
 #include "descriptor/base/strings.h"
 #include "index/cli/output.h"
-#include "index/usage/checks.h"
+#include "index/usage/usage.h"
 
 namespace pliant::cli {
-namespace {
-
-void AddSizeFlags(CLI::App& app, DescriptorOptions& descriptor, ExtractionOptions& extraction) {
-  app.add_option("--model", descriptor.model_path, "weight file for deal and its variants")
-      ->type_name("FILE");
-  app.add_option("--max-keypoints", extraction.keypoints.max_keypoints,
-                 "number of keypoints per image, strongest first")
-      ->capture_default_str()
-      ->check(Between(1, 4096));
-  app.add_option("--max-side", extraction.decode.max_side_px,
-                 "scale larger images down to this longer side in pixels; 0 = never")
-      ->capture_default_str()
-      ->check(AtLeast(0));
-}
-
-}  // namespace
 
 void AddDatabaseFlag(CLI::App& app, EngineOptions& engine) {
-  engine.warn = Message;
+  engine.warn = [](std::string_view text) { Message(text); };
   app.add_option("--db", engine.database,
                  "the database: a file, or the URL of a PostgreSQL database")
       ->required()
@@ -38,34 +22,73 @@ void AddCollectionFlag(CLI::App& app, std::string& collection) {
       ->type_name("NAME");
 }
 
+CLI::Option* AddOriginalsFlag(CLI::App& app, EngineOptions& engine, const std::string& help) {
+  const auto read = [&engine](const std::string& text) {
+    engine.originals_dir = ParseOriginalsDir(text);
+  };
+  return app.add_option_function<std::string>("--originals-dir", read, help)->type_name("DIR");
+}
+
+void AddJsonFlag(CLI::App& app, bool& json) {
+  app.add_flag("--json", json, "print one JSON document");
+}
+
+void AddJobsFlag(CLI::App& app, int& jobs, const std::string& what) {
+  app.add_option("--jobs,-j", jobs, what + "; 0 = one per core")->check(Between(0, 1024));
+}
+
+void AddModelFlag(CLI::App& app, std::filesystem::path& model) {
+  app.add_option("--model", model, "weight file for deal and its variants")->type_name("FILE");
+}
+
+void AddRankFlag(CLI::App& app, RankMethod& rank, const std::string& help) {
+  AddChoice<RankMethod>(
+      app, "--rank", rank, help,
+      {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
+}
+
+void AddCsvFlag(CLI::App& app, std::filesystem::path& csv, const std::string& help) {
+  app.add_option("--csv", csv, help + "; - = standard output")->type_name("FILE");
+}
+
+void AddFilterFlag(CLI::App& app, std::string& filter, const std::string& help) {
+  app.add_option("--filter", filter, help)->option_text("JSON");
+}
+
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   engine.descriptor.clear();
   app.add_option("--descriptor", engine.descriptor,
                  "the descriptor: " + Join(DescriptorNames(), ", ") +
-                     " (default: the database's own, deal for a new one)")
+                     " (default: that of the database, deal for a new one)")
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME");
-  app.add_option("--model", engine.descriptor_options.model_path,
-                 "weight file for deal and its variants")
-      ->type_name("FILE");
+  AddModelFlag(app, engine.descriptor_options.model_path);
+  const auto keypoints = [&engine](int value) {
+    engine.max_keypoints = value;
+    engine.extraction.keypoints.max_keypoints = value;
+  };
   app.add_option_function<int>(
-         "--max-keypoints",
-         [&engine](int value) {
-           engine.max_keypoints = value;
-           engine.extraction.keypoints.max_keypoints = value;
-         },
-         "number of keypoints per image, strongest first (default: the database's own, 1024 for "
-         "a new one)")
-      ->check(Between(1, 4096));
-  app.add_option_function<int>(
-         "--max-side",
-         [&engine](int value) {
-           engine.max_side_px = value;
-           engine.extraction.decode.max_side_px = value;
-         },
-         "scale larger images down to this longer side in pixels (default: the database's own, "
+         "--max-keypoints", keypoints,
+         "keypoints per image, strongest first (default: as the database has, "
          "1024 for a new one)")
+      ->check(Between(1, 4096));
+  const auto side = [&engine](int value) {
+    engine.max_side_px = value;
+    engine.extraction.decode.max_side_px = value;
+  };
+  app.add_option_function<int>(
+         "--max-side", side,
+         "scale larger images down to this longer side in pixels (default: as "
+         "the database has, 1024 for a new one)")
       ->check(Between(16, 65536));
+}
+
+std::string DescriptorName(const EngineOptions& engine) {
+  return engine.descriptor.empty() ? EngineOptions{}.descriptor : engine.descriptor;
+}
+
+std::shared_ptr<const Descriptor> NamedDescriptor(const EngineOptions& engine) {
+  return MakeDescriptor(DescriptorName(engine), engine.descriptor_options);
 }
 
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
@@ -75,31 +98,31 @@ void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
       ->delimiter(',')
       ->check(OneOf(DescriptorNames()))
       ->allow_extra_args(false)
-      ->capture_default_str()
       ->type_name("NAME,...");
-  AddSizeFlags(app, descriptor, extraction);
+  AddModelFlag(app, descriptor.model_path);
+  app.add_option("--max-keypoints", extraction.keypoints.max_keypoints,
+                 "keypoints per image, strongest first")
+      ->check(Between(1, 4096));
+  app.add_option("--max-side", extraction.decode.max_side_px,
+                 "scale larger images down to this longer side in pixels; 0 = never")
+      ->check(AtLeast(0));
 }
 
-void AddTrackingFlags(CLI::App& app, LocateOptions& locate) {
+void AddTrackingFlags(CLI::App& app, int& every, LocateOptions& locate) {
   VerificationOptions& verification = locate.verification;
-  app.add_option("--iterations", verification.ransac.iterations,
-                 "number of RANSAC samples per frame")
-      ->capture_default_str()
+  app.add_option("--every", every, "use every N-th frame only")->check(Between(1, 1'000'000));
+  app.add_option("--iterations", verification.ransac.iterations, "RANSAC samples per frame")
       ->check(Between(1, 1'000'000));
   app.add_option("--max-ratio", verification.max_ratio,
                  "ratio test: keep a match if its distance is at most this times that of the "
-                 "second nearest")
-      ->capture_default_str();
+                 "second nearest");
   app.add_option("--tolerance", verification.tolerance,
-                 "largest distance of a match from the warp, relative to the frame's longer side")
-      ->capture_default_str();
+                 "largest distance of a match from the warp, relative to the frame's longer side");
   app.add_option("--regularization", verification.ransac.regularization,
                  "stiffness of the thin-plate spline; 0 = none")
-      ->capture_default_str()
       ->check(AtLeast(0));
   app.add_option("--min-inliers", locate.min_inliers,
-                 "with fewer inliers the object counts as lost")
-      ->capture_default_str();
+                 "with fewer inliers the object counts as lost");
 }
 
 }  // namespace pliant::cli

@@ -3,13 +3,14 @@
 // Options that several subcommands share.
 #pragma once
 
+#include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "index/engine/engine.h"
-#include "index/files/image_files.h"
 #include "index/verify/locate.h"
 
 namespace pliant::cli {
@@ -18,15 +19,32 @@ namespace pliant::cli {
 void AddDatabaseFlag(CLI::App& app, EngineOptions& engine);
 // --collection NAME
 void AddCollectionFlag(CLI::App& app, std::string& collection);
+// --originals-dir
+CLI::Option* AddOriginalsFlag(CLI::App& app, EngineOptions& engine, const std::string& help);
+// --json
+void AddJsonFlag(CLI::App& app, bool& json);
+// --jobs N; `what` the threads do, for the help: "threads, one scene each".
+void AddJobsFlag(CLI::App& app, int& jobs, const std::string& what = "threads");
+// --model FILE
+void AddModelFlag(CLI::App& app, std::filesystem::path& model);
+// --rank neighbours|histogram
+void AddRankFlag(CLI::App& app, RankMethod& rank, const std::string& help);
+// --csv FILE; empty = none, - = standard output.
+void AddCsvFlag(CLI::App& app, std::filesystem::path& csv, const std::string& help);
+// --filter JSON
+void AddFilterFlag(CLI::App& app, std::string& filter, const std::string& help);
+
 // --descriptor NAME, --model FILE, --max-keypoints N, --max-side PX: how images are described.
 void AddExtractionFlags(CLI::App& app, EngineOptions& engine);
-// The same with several names, NAME,... (commands that compare descriptors).
+// The descriptor that they name.
+std::string DescriptorName(const EngineOptions& engine);
+std::shared_ptr<const Descriptor> NamedDescriptor(const EngineOptions& engine);
+// The same flags with several names, NAME,... (commands that compare descriptors).
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
                             DescriptorOptions& descriptor, ExtractionOptions& extraction);
 
-// Options that `track` and `eval tracking` share.
-
-// --iterations, --max-ratio, --tolerance, --regularization, --min-inliers.
-void AddTrackingFlags(CLI::App& app, LocateOptions& locate);
+// --every N, --iterations, --max-ratio, --tolerance, --regularization, --min-inliers: of `track`
+// and `eval tracking`.
+void AddTrackingFlags(CLI::App& app, int& every, LocateOptions& locate);
 
 }  // namespace pliant::cli

@@ -6,7 +6,7 @@
 
 #include "descriptor/evaluation/matching_benchmark.h"
 #include "index/cli/command.h"
-#include "index/cli/eval_files.h"
+#include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
@@ -19,42 +19,13 @@ namespace {
 using evaluation::DescriptorResult;
 using evaluation::MatchingReport;
 using evaluation::Subset;
-std::string ResultTable(const std::vector<DescriptorResult>& results) {
-  std::vector<std::vector<std::string>> rows;
-  for (const DescriptorResult& r : results) {
-    rows.push_back({r.label, FormatFixed(r.ms, 3), FormatFixed(r.ms_error, 3),
-                    FormatFixed(r.mma, 3), FormatFixed(r.mutual_precision, 3),
-                    FormatFixed(r.correct_matches, 0), FormatFixed(r.ms_ratio_to_sift, 2),
-                    FormatFixed(r.keypoints, 0), FormatFixed(r.true_pairs, 0),
-                    FormatFixed(r.describe_us, 0)});
-  }
-  return FormatTable({"descriptor", "MS", "+-", "MMA", "mutual precision", "correct", "MS / SIFT's",
-                      "keypoints", "true pairs", "us / keypoint"},
-                     rows);
-}
-
-std::string CurveTable(const MatchingReport& report) {
-  std::vector<std::string> header = {report.sweep, "pairs"};
-  for (const DescriptorResult& r : report.results) header.push_back(r.label);
-  std::vector<std::vector<std::string>> rows;
-  for (const Subset& point : report.curve) {
-    std::vector<std::string> row = {FormatFixed(point.value, report.sweep == "scale" ? 3 : 0),
-                                    std::to_string(point.results.front().pairs)};
-    for (const DescriptorResult& r : point.results) row.push_back(FormatFixed(r.ms, 3));
-    rows.push_back(std::move(row));
-  }
-  std::vector<std::string> flatness = {"lowest / highest", ""};
-  for (std::size_t row = 0; row < report.results.size(); ++row)
-    flatness.push_back(FormatFixed(evaluation::CurveFlatness(report, row), 2));
-  rows.push_back(std::move(flatness));
-  return FormatTable(header, rows);
-}
 
 Json ResultsJson(const std::vector<DescriptorResult>& results) {
   Json list = Json::array();
   for (const DescriptorResult& r : results) {
     list.push_back({{"descriptor", r.label},
                     {"model_id", r.model_id},
+                    {"pairs", r.pairs},
                     {"ms", r.ms},
                     {"ms_error", r.ms_error},
                     {"mma", r.mma},
@@ -68,53 +39,63 @@ Json ResultsJson(const std::vector<DescriptorResult>& results) {
   return list;
 }
 
-// One series a descriptor over the values of the sweep.
-Json CurveJson(const MatchingReport& report) {
-  Json values = Json::array();
-  Json pairs = Json::array();
-  for (const Subset& point : report.curve) {
-    values.push_back(point.value);
-    pairs.push_back(point.results.front().pairs);
-  }
-  Json series = Json::array();
-  for (std::size_t row = 0; row < report.results.size(); ++row) {
-    Json ms = Json::array();
-    Json mma = Json::array();
-    for (const Subset& point : report.curve) {
-      ms.push_back(point.results[row].ms);
-      mma.push_back(point.results[row].mma);
-    }
-    series.push_back({{"descriptor", report.results[row].label},
-                      {"ms", std::move(ms)},
-                      {"mma", std::move(mma)},
-                      {"lowest_over_highest", evaluation::CurveFlatness(report, row)}});
-  }
-  return {{"over", report.sweep},
-          {"values", std::move(values)},
-          {"pairs", std::move(pairs)},
-          {"series", std::move(series)}};
+std::string ResultTable(const std::vector<DescriptorResult>& results) {
+  return TableOf(ResultsJson(results), {{"/descriptor", "descriptor"},
+                                        {"/ms", "MS"},
+                                        {"/ms_error", "+-"},
+                                        {"/mma", "MMA"},
+                                        {"/mutual_precision", "mutual precision"},
+                                        {"/correct_matches", "correct", 0},
+                                        {"/ms_ratio_to_sift", "MS / SIFT's", 2},
+                                        {"/keypoints", "keypoints", 0},
+                                        {"/true_pairs", "true pairs", 0},
+                                        {"/describe_us", "us / keypoint", 0}});
 }
 
-void AddCsvRows(const std::string& set, const std::string& value,
-                const std::vector<DescriptorResult>& results, std::string& csv) {
-  for (const DescriptorResult& r : results) {
-    csv += CsvField(set) + ',' + value + ',' + CsvField(r.label) + ',' + CsvField(r.model_id) +
-           ',' + std::to_string(r.pairs);
-    for (const double figure : {r.ms, r.ms_error, r.mma, r.mutual_precision, r.ms_ratio_to_sift})
-      csv += ',' + FormatFixed(figure, 6);
-    csv += ',' + FormatFixed(r.correct_matches, 1) + ',' + FormatFixed(r.keypoints, 1) + ',' +
-           FormatFixed(r.true_pairs, 1) + ',' + FormatFixed(r.describe_us, 1) + '\n';
+std::string CurveTable(const MatchingReport& report) {
+  std::vector<std::string> header = {report.sweep, "pairs"};
+  for (const DescriptorResult& r : report.results) header.push_back(r.label);
+  std::vector<std::vector<std::string>> rows;
+  for (const Subset& point : report.curve) {
+    std::vector<std::string> row = {FormatFixed(point.value, report.sweep == "scale" ? 3 : 0),
+                                    std::to_string(point.results.front().pairs)};
+    for (const DescriptorResult& r : point.results) row.push_back(FormatFixed(r.ms, 3));
+    rows.push_back(std::move(row));
   }
+  rows.push_back({"lowest / highest", ""});
+  for (std::size_t row = 0; row < report.results.size(); ++row) {
+    rows.back().push_back(FormatFixed(evaluation::CurveFlatness(report, row), 2));
+  }
+  return FormatTable(header, rows);
+}
+
+// One series a descriptor over the values of the sweep.
+Json CurveJson(const MatchingReport& report) {
+  Json curve = {{"over", report.sweep}, {"values", {}}, {"pairs", {}}, {"series", {}}};
+  for (const Subset& point : report.curve) {
+    curve["values"].push_back(point.value);
+    curve["pairs"].push_back(point.results.front().pairs);
+  }
+  for (std::size_t row = 0; row < report.results.size(); ++row) {
+    Json series = {{"descriptor", report.results[row].label}, {"ms", {}}, {"mma", {}}};
+    for (const Subset& point : report.curve) {
+      series["ms"].push_back(point.results[row].ms);
+      series["mma"].push_back(point.results[row].mma);
+    }
+    series["lowest_over_highest"] = evaluation::CurveFlatness(report, row);
+    curve["series"].push_back(std::move(series));
+  }
+  return curve;
 }
 
 // Tables for people: all pairs, then each group, then the curve.
 std::string MatchingReportText(const MatchingReport& report) {
-  std::string text = std::to_string(report.pairs) + " pairs (" + ToString(report.layout) + "), " +
-                     std::to_string(report.left_out) +
-                     " excluded for lack of common keypoints\n\n" + ResultTable(report.results);
+  std::string text =
+      fmt::format("{} pairs ({}), {} excluded for lack of common keypoints\n\n{}", report.pairs,
+                  ToString(report.layout), report.left_out, ResultTable(report.results));
   for (const Subset& group : report.groups) {
-    text += "\n\n" + (group.name.empty() ? "other" : group.name) + ", " +
-            std::to_string(group.results.front().pairs) + " pairs\n" + ResultTable(group.results);
+    text += fmt::format("\n\n{}, {} pairs\n{}", group.name.empty() ? "other" : group.name,
+                        group.results.front().pairs, ResultTable(group.results));
   }
   if (!report.curve.empty()) text += "\n\nMS over " + report.sweep + "\n" + CurveTable(report);
   return text;
@@ -145,14 +126,29 @@ Json MatchingReportJson(const MatchingReport& report, const evaluation::Matching
 
 // Columns set (all, a group's name, or the sweep's), value (of the sweep), descriptor, figures.
 std::string MatchingReportCsv(const MatchingReport& report) {
-  std::string csv =
-      "set,value,descriptor,model_id,pairs,ms,ms_error,mma,mutual_precision,ms_ratio_to_sift,"
-      "correct_matches,keypoints,true_pairs,describe_us\n";
-  AddCsvRows("all", "", report.results, csv);
-  for (const Subset& group : report.groups) AddCsvRows(group.name, "", group.results, csv);
-  for (const Subset& point : report.curve)
-    AddCsvRows(report.sweep, FormatFixed(point.value, 6), point.results, csv);
-  return csv;
+  Json rows = Json::array();
+  const auto add = [&rows](const std::string& set, const std::string& value,
+                           const std::vector<DescriptorResult>& results) {
+    for (Json row : ResultsJson(results)) {
+      row["set"] = set;
+      row["value"] = value;
+      rows.push_back(std::move(row));
+    }
+  };
+  add("all", "", report.results);
+  for (const Subset& group : report.groups) add(group.name, "", group.results);
+  for (const Subset& point : report.curve) {
+    add(report.sweep, FormatFixed(point.value, 6), point.results);
+  }
+  std::vector<Column> columns;
+  for (const std::string name : {"set", "value", "descriptor", "model_id", "pairs", "ms",
+                                 "ms_error", "mma", "mutual_precision", "ms_ratio_to_sift"}) {
+    columns.push_back({"/" + name, name, 6});
+  }
+  for (const std::string name : {"correct_matches", "keypoints", "true_pairs", "describe_us"}) {
+    columns.push_back({"/" + name, name, 1});
+  }
+  return CsvOf(rows, columns);
 }
 
 struct Options {
@@ -165,7 +161,7 @@ struct Options {
 };
 
 ExitStatus Run(Options& options) {
-  CheckCsv(options.csv, options.json);
+  CheckOutput(options.csv, "--csv", options.json);
   for (const std::string& text : options.descriptors)
     options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
   const evaluation::Dataset dataset =
@@ -182,8 +178,8 @@ ExitStatus Run(Options& options) {
   }
   if (!options.csv.empty()) WriteFile(options.csv, MatchingReportCsv(report));
   if (options.matching.pairs > report.pairs) {
-    Message("only " + std::to_string(report.pairs) + " of " +
-            std::to_string(options.matching.pairs) + " pairs: the set has no more measurable ones");
+    Message("only {} of {} pairs: the set has no more measurable pairs", report.pairs,
+            options.matching.pairs);
   }
   if (options.json) {
     PrintJson(MatchingReportJson(report, options.matching));
@@ -194,10 +190,23 @@ ExitStatus Run(Options& options) {
 }
 
 std::string KnownDescriptors() {
-  std::string names;
-  for (const evaluation::DescriptorChoice& choice : evaluation::AllDescriptorChoices())
-    names += (names.empty() ? "" : ", ") + choice.label;
-  return names;
+  std::vector<std::string> names;
+  for (const auto& choice : evaluation::AllDescriptorChoices()) names.push_back(choice.label);
+  return CLI::detail::join(names, ", ");
+}
+
+// A row of the table, [LABEL:]NAME[=WEIGHTS]. The error suggests the most similar descriptor.
+CLI::Validator KnownDescriptorChoice() {
+  std::vector<std::string> known = DescriptorNames();
+  known.emplace_back("sift+repeats");
+  const CLI::Validator one = OneOf(std::move(known));
+  return CLI::Validator(
+      [one](std::string& text) {
+        std::string name = text.substr(0, text.find('='));
+        name.erase(0, name.find(':') + 1);  // npos + 1 is 0
+        return one(name);
+      },
+      "");
 }
 
 void AddSelectionFlags(CLI::App& app, Options& options) {
@@ -205,36 +214,27 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
   app.add_option(
          "--layout", options.layout,
          "tensors or folders (pliant simulate), hpatches, nonrigid; auto: detect from the files")
-      ->capture_default_str()
       ->check(OneOf({"auto", "tensors", "folders", "hpatches", "nonrigid"}))
       ->type_name("NAME");
   app.add_option(
          "--descriptor", options.descriptors,
-         "rows of the table, [LABEL:]NAME[=WEIGHTS], separated by commas; default: all of " +
-             KnownDescriptors())
+         "rows of the table, [LABEL:]NAME[=WEIGHTS], separated by commas (default: all of " +
+             KnownDescriptors() + ")")
       ->delimiter(',')
       ->check(KnownDescriptorChoice())
       ->type_name("NAME,...");
-  app.add_option("--model", matching.model, "weight file for deal and its variants")
-      ->type_name("FILE");
-  app.add_option("--pairs", matching.pairs, "number of pairs, chosen by --seed; 0 = all")
-      ->capture_default_str();
-  app.add_option("--seed", matching.seed, "same seed, same pairs")->capture_default_str();
-  app.add_option("--keypoints", matching.max_keypoints,
-                 "number of keypoints per image, strongest first")
-      ->capture_default_str();
+  AddModelFlag(app, matching.model);
+  app.add_option("--pairs", matching.pairs, "number of pairs, chosen by --seed; 0 = all");
+  app.add_option("--seed", matching.seed, "same seed, same pairs");
+  app.add_option("--keypoints", matching.max_keypoints, "keypoints per image, strongest first");
   app.add_flag("--enlarge", matching.enlarge,
-               "also use faint keypoints and those of the images enlarged, as queries of the "
-               "service do");
+               "also use low-contrast keypoints and those of the enlarged images, as the queries "
+               "of `pliant query` do");
   app.add_option("--tolerance", matching.tolerance_px,
-                 "distance from the true position, in pixels, up to which a match is correct")
-      ->capture_default_str();
+                 "distance from the true position, in pixels, up to which a match is correct");
   app.add_option("--min-true-pairs", matching.min_true_pairs,
-                 "exclude pairs with fewer common keypoints")
-      ->capture_default_str();
-  app.add_option("--jobs,-j", matching.jobs, "threads, one scene each; 0 = one per core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
+                 "exclude pairs with fewer common keypoints");
+  AddJobsFlag(app, matching.jobs, "threads, one scene each");
 }
 
 }  // namespace
@@ -246,7 +246,7 @@ void AddEvalMatching(CLI::App& eval, ExitStatus& status) {
   app->add_option("DIR", options->folder, "the data set")->required();
   AddSelectionFlags(*app, *options);
   AddCsvFlag(*app, options->csv, "write the tables to this file");
-  app->add_flag("--json", options->json, "print one JSON document");
+  AddJsonFlag(*app, options->json);
   app->footer("Example:  pliant eval matching dev --pairs 40");
   app->callback([options, &status] { status = Run(*options); });
 }

@@ -9,103 +9,27 @@
 #include "descriptor/base/error.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
-#include "index/cli/eval_files.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
 #include "index/evaluation/retrieval_evaluation.h"
 #include "index/files/image_files.h"
-#include "index/files/text.h"
 #include "index/json/json.h"
 
 namespace pliant::cli {
 namespace {
 
+namespace fs = std::filesystem;
+
 constexpr std::int64_t kMaxPeersBytes = 16LL << 20;
-
-std::string FormatNs(const RetrievalResult& row) {
-  return row.ns_score ? FormatFixed(*row.ns_score, 3) : "-";
-}
-
-std::string FormatObject(const RetrievalResult& row) {
-  return row.object ? FormatFixed(row.object->top1, 3) : "-";
-}
-
-std::string FormatWords(const RetrievalResult& row) {
-  return row.words > 0 ? std::to_string(row.words) : "-";
-}
-
-std::string AccuracyTable(const RetrievalReport& report) {
-  std::vector<std::vector<std::string>> rows;
-  for (const RetrievalResult& row : report.results) {
-    std::vector<std::string> cells = {row.descriptor, row.protocol, FormatWords(row)};
-    for (const std::size_t k : {1, 2, 3, 5, 10, 20}) {
-      cells.push_back(FormatFixed(row.mean.accuracy_at[k - 1], 3));
-    }
-    for (const double value : {row.spread.accuracy_at[0], row.spread.accuracy_at[9], row.mean.map,
-                               row.spread.map, row.mean.mrr}) {
-      cells.push_back(FormatFixed(value, 3));
-    }
-    cells.push_back(FormatNs(row));
-    cells.push_back(FormatObject(row));
-    rows.push_back(std::move(cells));
-  }
-  return FormatTable({"descriptor", "protocol", "words", "@1", "@2", "@3", "@5", "@10", "@20",
-                      "+-@1", "+-@10", "mAP", "+-mAP", "MRR", "N-S", "object@1"},
-                     rows);
-}
-
-std::string CostTable(const RetrievalReport& report) {
-  std::vector<std::vector<std::string>> rows;
-  for (const RetrievalResult& row : report.results) {
-    const RetrievalTimes& t = row.times;
-    std::vector<std::string> cells = {row.descriptor, row.protocol, FormatWords(row)};
-    for (const double ms :
-         {t.decode, t.detect, t.describe, t.quantize, t.rank, t.verify, t.total()})
-      cells.push_back(FormatFixed(ms, 1));
-    cells.push_back(FormatFixed(row.stored_bytes_per_image, 0));
-    cells.push_back(FormatFixed(row.index_bytes_per_image, 0));
-    rows.push_back(std::move(cells));
-  }
-  return FormatTable({"descriptor", "protocol", "words", "decode", "detect", "describe", "quantize",
-                      "rank", "verify", "ms a query", "stored bytes", "index bytes"},
-                     rows);
-}
-
-// What answers say is found (probability 0.9 or more); empty where nothing is.
-std::string FoundTable(const RetrievalReport& report) {
-  std::vector<std::vector<std::string>> rows;
-  for (const RetrievalResult& row : report.results) {
-    const double found = row.mean.found_right + row.mean.found_wrong;
-    if (found == 0 && row.absent.alarms == 0) continue;
-    rows.push_back({row.descriptor, row.protocol, FormatWords(row),
-                    FormatFixed(row.mean.found_right, 3), FormatFixed(row.mean.found_wrong, 3),
-                    std::to_string(row.absent.asked), std::to_string(row.absent.alarms)});
-  }
-  if (rows.empty()) return "";
-  return "\n\nsaid to be found: share of the queries; and queries that show none of the objects\n" +
-         FormatTable(
-             {"descriptor", "protocol", "words", "right", "wrong", "absent", "false alarms"}, rows);
-}
-
-Json AccuracyJson(const RetrievalMetrics& metrics) {
-  Json list = Json::array();
-  for (const double value : metrics.accuracy_at) list.push_back(value);
-  return list;
-}
-
-template <typename Value>
-Json OrNull(const std::optional<Value>& value) {
-  return value ? Json(*value) : Json(nullptr);
-}
 
 Json ResultJson(const RetrievalResult& row) {
   const RetrievalTimes& t = row.times;
   return {{"descriptor", row.descriptor},
           {"protocol", row.protocol},
           {"words", row.words},
-          {"accuracy_at", AccuracyJson(row.mean)},
+          {"accuracy_at", row.mean.accuracy_at},
           {"map", row.mean.map},
           {"top1", row.mean.top1},
           {"mrr", row.mean.mrr},
@@ -118,7 +42,7 @@ Json ResultJson(const RetrievalResult& row) {
           {"absent_queries", row.absent.asked},
           {"false_alarms", row.absent.alarms},
           {"spread",
-           {{"accuracy_at", AccuracyJson(row.spread)},
+           {{"accuracy_at", row.spread.accuracy_at},
             {"map", row.spread.map},
             {"mrr", row.spread.mrr},
             {"ns_score", row.ns_score ? Json(row.spread.ns) : Json(nullptr)}}},
@@ -134,7 +58,7 @@ Json ResultJson(const RetrievalResult& row) {
            {{"stored", row.stored_bytes_per_image}, {"index", row.index_bytes_per_image}}}};
 }
 
-// The fields of ResultJson that a peer must give, and those that it may.
+// The fields of ResultJson that a peer must give, and its optional ones.
 RetrievalResult ReadResult(const Json& json) {
   RetrievalResult row;
   row.descriptor = json.at("descriptor").get<std::string>();
@@ -143,8 +67,7 @@ RetrievalResult ReadResult(const Json& json) {
   const auto accuracy = json.at("accuracy_at").get<std::vector<double>>();
   if (accuracy.size() != kAccuracyRanks) {
     throw Error(ErrorCode::kUnprocessable, "peers_invalid",
-                "accuracy_at has " + std::to_string(accuracy.size()) + " values, not " +
-                    std::to_string(kAccuracyRanks));
+                fmt::format("accuracy_at has {} values, not {}", accuracy.size(), kAccuracyRanks));
   }
   std::copy(accuracy.begin(), accuracy.end(), row.mean.accuracy_at.begin());
   row.mean.map = json.at("map").get<double>();
@@ -157,19 +80,61 @@ RetrievalResult ReadResult(const Json& json) {
   return row;
 }
 
-std::string FileField(const std::filesystem::path& file) {
-  return CsvField(ToDisplayText(file.string()));
+// The columns after those that name the row.
+std::vector<Column> Named(const std::vector<Column>& figures) {
+  std::vector<Column> columns = {
+      {"/descriptor", "descriptor"}, {"/protocol", "protocol"}, {"/words", "words"}};
+  columns.insert(columns.end(), figures.begin(), figures.end());
+  return columns;
 }
 
-// Accuracy and times, a row for each descriptor and protocol.
+// Accuracy, what is found (probability 0.9 or more), and times: a row per descriptor and protocol.
 std::string RetrievalReportText(const RetrievalReport& report) {
-  std::string text = std::to_string(report.queries) + " queries, " + std::to_string(report.images) +
-                     " images of " + std::to_string(report.objects) + " objects, " +
-                     std::to_string(report.distractors) + " of them distractors (layout " +
-                     ToString(report.layout) + "), mean of " + std::to_string(report.seeds) +
-                     " seeds\n\n";
-  text += AccuracyTable(report) + FoundTable(report);
-  return text + "\n\nmilliseconds a query by stage, and bytes an image\n" + CostTable(report);
+  Json rows = Json::array();
+  Json finders = Json::array();
+  for (const RetrievalResult& row : report.results) {
+    rows.push_back(ResultJson(row));
+    rows.back()["ms"] = row.times.total();
+    if (row.words == 0) rows.back()["words"] = nullptr;  // unknown
+    if (row.mean.found_right + row.mean.found_wrong == 0 && row.absent.alarms == 0) continue;
+    finders.push_back(rows.back());
+  }
+  std::string text = fmt::format(
+      "{} queries, {} images of {} objects, {} of them distractors (layout {}), mean of {} "
+      "seeds\n\n",
+      report.queries, report.images, report.objects, report.distractors,
+      WordOf(report.layout, kRetrievalLayouts), report.seeds);
+  text += TableOf(rows, Named({{"/accuracy_at/0", "@1"},
+                               {"/accuracy_at/1", "@2"},
+                               {"/accuracy_at/2", "@3"},
+                               {"/accuracy_at/4", "@5"},
+                               {"/accuracy_at/9", "@10"},
+                               {"/accuracy_at/19", "@20"},
+                               {"/spread/accuracy_at/0", "+-@1"},
+                               {"/spread/accuracy_at/9", "+-@10"},
+                               {"/map", "mAP"},
+                               {"/spread/map", "+-mAP"},
+                               {"/mrr", "MRR"},
+                               {"/ns_score", "N-S"},
+                               {"/object_top1", "object@1"}}));
+  if (!finders.empty()) {
+    text +=
+        "\n\nfound: share of the queries; and false alarms of queries that show no known object\n" +
+        TableOf(finders, Named({{"/found_right", "right"},
+                                {"/found_wrong", "wrong"},
+                                {"/absent_queries", "absent"},
+                                {"/false_alarms", "false alarms"}}));
+  }
+  return text + "\n\nmilliseconds per query by stage, and bytes per image\n" +
+         TableOf(rows, Named({{"/milliseconds/decode", "decode", 1},
+                              {"/milliseconds/detect", "detect", 1},
+                              {"/milliseconds/describe", "describe", 1},
+                              {"/milliseconds/quantize", "quantize", 1},
+                              {"/milliseconds/rank", "rank", 1},
+                              {"/milliseconds/verify", "verify", 1},
+                              {"/ms", "ms per query", 1},
+                              {"/bytes_per_image/stored", "stored bytes", 0},
+                              {"/bytes_per_image/index", "index bytes", 0}}));
 }
 
 // One document: {"layout", "pictures", "distractors", "queries", "objects", "seeds", "results":
@@ -179,11 +144,7 @@ std::string RetrievalReportText(const RetrievalReport& report) {
 Json RetrievalReportJson(const RetrievalReport& report) {
   Json results = Json::array();
   for (const RetrievalResult& row : report.results) results.push_back(ResultJson(row));
-  Json skipped = Json::array();
-  for (const SkippedFile& file : report.skipped) {
-    skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
-  }
-  return {{"layout", ToString(report.layout)},
+  return {{"layout", WordOf(report.layout, kRetrievalLayouts)},
           {"pictures", report.images},
           {"distractors", report.distractors},
           {"queries", report.queries},
@@ -191,30 +152,27 @@ Json RetrievalReportJson(const RetrievalReport& report) {
           {"objects", report.objects},
           {"seeds", report.seeds},
           {"results", std::move(results)},
-          {"skipped", std::move(skipped)},
+          {"skipped", SkippedJson(report.skipped)},
           {"seconds", report.seconds}};
 }
 
 // A row for each descriptor and protocol: figures, then accuracy_at_1 .. accuracy_at_20.
 std::string RetrievalReportCsv(const RetrievalReport& report) {
-  std::string csv =
-      "descriptor,protocol,words,map,map_spread,top1,mrr,ns_score,object_top1,"
-      "seconds_per_query,stored_bytes_per_image,index_bytes_per_image";
-  for (std::size_t k = 1; k <= kAccuracyRanks; ++k) csv += ",accuracy_at_" + std::to_string(k);
-  csv += '\n';
-  for (const RetrievalResult& row : report.results) {
-    csv += row.descriptor + ',' + row.protocol + ',' + std::to_string(row.words);
-    for (const double value : {row.mean.map, row.spread.map, row.mean.top1, row.mean.mrr})
-      csv += ',' + FormatFixed(value, 6);
-    csv += ',' + (row.ns_score ? FormatFixed(*row.ns_score, 6) : "");
-    csv += ',' + (row.object ? FormatFixed(row.object->top1, 6) : "");
-    csv += ',' + FormatFixed(row.times.total() / 1000, 6);
-    csv += ',' + FormatFixed(row.stored_bytes_per_image, 0);
-    csv += ',' + FormatFixed(row.index_bytes_per_image, 0);
-    for (const double value : row.mean.accuracy_at) csv += ',' + FormatFixed(value, 6);
-    csv += '\n';
+  Json rows = Json::array();
+  for (const RetrievalResult& row : report.results) rows.push_back(ResultJson(row));
+  std::vector<Column> columns = Named({{"/map", "map", 6},
+                                       {"/spread/map", "map_spread", 6},
+                                       {"/top1", "top1", 6},
+                                       {"/mrr", "mrr", 6},
+                                       {"/ns_score", "ns_score", 6},
+                                       {"/object_top1", "object_top1", 6},
+                                       {"/seconds_per_query", "seconds_per_query", 6},
+                                       {"/bytes_per_image/stored", "stored_bytes_per_image", 0},
+                                       {"/bytes_per_image/index", "index_bytes_per_image", 0}});
+  for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
+    columns.push_back({fmt::format("/accuracy_at/{}", k), fmt::format("accuracy_at_{}", k + 1), 6});
   }
-  return csv;
+  return CsvOf(rows, columns);
 }
 
 // A row for each query and hit (ten at most; a query without hits has one row with empty fields):
@@ -224,19 +182,17 @@ std::string RetrievalAnswersCsv(const RetrievalReport& report) {
   std::string csv =
       "descriptor,protocol,words,query,object,rank,hit,hit_object,right,score,probability,"
       "inliers\n";
+  const auto file = [](const fs::path& path) { return CsvField(PathText(path)); };
   for (const RetrievalResult& row : report.results) {
     for (const NamedAnswer& answer : row.answers) {
-      const std::string asked = row.descriptor + ',' + row.protocol + ',' +
-                                std::to_string(row.words) + ',' + FileField(answer.file) + ',' +
-                                CsvField(answer.object) + ',';
+      const std::string asked = fmt::format("{},{},{},{},{},", row.descriptor, row.protocol,
+                                            row.words, file(answer.file), CsvField(answer.object));
       if (answer.hits.empty()) csv += asked + ",,,,,,\n";
       for (std::size_t i = 0; i < answer.hits.size(); ++i) {
         const NamedHit& hit = answer.hits[i];
-        csv += asked + std::to_string(i + 1) + ',' + FileField(hit.file) + ',' +
-               CsvField(hit.object) + ',' + (hit.is_right ? '1' : '0') + ',' +
-               FormatFixed(hit.score, 6) + ',' +
-               (hit.probability ? FormatFixed(*hit.probability, 6) : "") + ',' +
-               std::to_string(hit.inliers) + '\n';
+        csv += fmt::format("{}{},{},{},{:d},{:.6f},{},{}\n", asked, i + 1, file(hit.file),
+                           CsvField(hit.object), hit.is_right, hit.score,
+                           hit.probability ? FormatFixed(*hit.probability, 6) : "", hit.inliers);
       }
     }
   }
@@ -248,13 +204,13 @@ std::string RetrievalAnswersCsv(const RetrievalReport& report) {
 Json RetrievalSetJson(const RetrievalSet& set) {
   Json images = Json::array();
   for (const RetrievalImage& image : set.images) {
-    images.push_back({{"file", ToDisplayText(image.path.string())},
-                      {"object", image.object.empty() ? Json(nullptr) : Json(image.object)},
+    images.push_back({{"file", PathText(image.path)},
+                      {"object", TextOrNull(image.object)},
                       {"query", image.is_query},
                       {"searched", image.is_searched},
                       {"absent", image.is_absent}});
   }
-  return {{"layout", ToString(set.layout)},
+  return {{"layout", WordOf(set.layout, kRetrievalLayouts)},
           {"counts_itself", set.counts_itself},
           {"pictures", std::move(images)}};
 }
@@ -264,23 +220,21 @@ Json RetrievalSetJson(const RetrievalSet& set) {
 // and kConflict "peers_differ" when they were measured with other numbers of images or queries.
 void AddPeers(const std::filesystem::path& file, RetrievalReport* report) {
   const std::vector<std::uint8_t> bytes = ReadFile(file, kMaxPeersBytes);
-  const std::string name = ToDisplayText(file.string());
+  const std::string name = PathText(file);
   try {
     const Json json = Json::parse(bytes);
     if (json.at("pictures") != report->images || json.at("queries") != report->queries) {
       throw Error(ErrorCode::kConflict, "peers_differ",
-                  name + " was measured with " + json.at("queries").dump() + " queries and " +
-                      json.at("pictures").dump() + " images, not " +
-                      std::to_string(report->queries) + " and " + std::to_string(report->images));
+                  fmt::format("{} was measured with {} queries and {} images, not {} and {}", name,
+                              json.at("queries").dump(), json.at("pictures").dump(),
+                              report->queries, report->images));
     }
     for (const Json& row : json.at("results")) report->results.push_back(ReadResult(row));
   } catch (const Json::exception& error) {
     throw Error(ErrorCode::kUnprocessable, "peers_invalid",
-                name + " is no report of `pliant eval retrieval --json`: " + error.what());
+                name + " is not a report of `pliant eval retrieval --json`: " + error.what());
   }
 }
-
-namespace fs = std::filesystem;
 
 struct Options {
   RetrievalOptions retrieval;
@@ -315,15 +269,13 @@ class Steps {
 };
 
 ExitStatus Run(Options& options) {
-  CheckCsv(options.csv, options.json);
-  if (options.answers == kStandardOutput) ClaimStandardOutput("--answers", options.json);
-  if (!options.answers.empty()) CheckWritable(options.answers);
+  CheckOutput(options.csv, "--csv", options.json);
+  CheckOutput(options.answers, "--answers", options.json);
   options.retrieval.keep_answers = !options.answers.empty();
   const RetrievalSet set =
       ReadRetrievalSet(options.folder, options.layout, options.distractors, options.absent);
   if (options.list) {
-    for (const SkippedFile& file : set.skipped)
-      Message("skipped " + file.file + ": " + file.reason);
+    ReportSkipped(set.skipped);
     PrintJson(RetrievalSetJson(set));
     return set.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
   }
@@ -338,9 +290,7 @@ ExitStatus Run(Options& options) {
     report = EvaluateRetrieval(set, options.retrieval);
   }
   for (const fs::path& file : options.peers) AddPeers(file, &report);
-  for (const SkippedFile& file : report.skipped) {
-    Message("skipped " + file.file + ": " + file.reason);
-  }
+  ReportSkipped(report.skipped);
   if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(report));
   if (!options.answers.empty()) WriteFile(options.answers, RetrievalAnswersCsv(report));
   if (options.json) {
@@ -353,60 +303,42 @@ ExitStatus Run(Options& options) {
 
 void AddSetFlags(CLI::App& app, Options& options) {
   app.add_option("DIR", options.folder, "the images")->required();
-  AddChoice<RetrievalLayout>(
-      app, "--layout", options.layout,
-      "how DIR names objects and queries; default: detect from the file names",
-      {{"auto", RetrievalLayout::kAuto},
-       {"objects", RetrievalLayout::kObjects},
-       {"ukbench", RetrievalLayout::kUkbench},
-       {"pairs", RetrievalLayout::kPairs},
-       {"labels", RetrievalLayout::kLabels}});
+  AddChoice(app, "--layout", options.layout,
+            "how DIR names objects and queries (default: detect from the file names)",
+            kRetrievalLayouts);
   app.add_option("--distractors", options.distractors,
                  "folder of images that show none of the objects; may be given more than once")
       ->allow_extra_args(false)
       ->type_name("DIR");
-  app.add_option(
-         "--absent", options.absent,
-         "folder of further queries that show none of the objects, so that whatever is found "
-         "is a false alarm; may be given more than once")
+  app.add_option("--absent", options.absent,
+                 "folder of further queries that show none of the objects: each hit is a false "
+                 "alarm; may be given more than once")
       ->allow_extra_args(false)
       ->type_name("DIR");
 }
 
 void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
-  AddChoices<RetrievalProtocol>(
-      app, "--protocol", retrieval.protocols,
-      "paper: 10 words, histograms; default: as query does; unexpanded: the same "
-      "with --expand 0; unverified: the same without verification (default: paper,default)",
-      {{"paper", RetrievalProtocol::kPaper},
-       {"default", RetrievalProtocol::kDefault},
-       {"unexpanded", RetrievalProtocol::kUnexpanded},
-       {"unverified", RetrievalProtocol::kUnverified}});
+  AddChoice(app, "--protocol", retrieval.protocols,
+            "paper: 10 visual words, histograms; default: as query does; unexpanded: the same with "
+            "--expand 0; unverified: the same without verification (default: paper,default)",
+            kRetrievalProtocols);
   app.add_option("--seeds", retrieval.seeds, "number of vocabularies trained for each row")
-      ->capture_default_str()
       ->check(Between(1, 1000));
   app.add_option("--words", retrieval.words,
                  "vocabulary sizes, one row each (not for paper); 0 = the default of index")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->capture_default_str()
       ->check(AtLeast(0));
   app.add_option("--sample", retrieval.sample,
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
-      ->capture_default_str()
       ->check(AtLeast(0));
-  AddChoice<RankMethod>(
-      app, "--rank", retrieval.rank,
-      "ranking of all protocols but the paper's; histogram has no verification "
-      "(default: neighbours)",
-      {{"neighbours", RankMethod::kNeighbours}, {"histogram", RankMethod::kHistogram}});
+  AddRankFlag(app, retrieval.rank,
+              "ranking of all protocols but the paper's; histogram has no verification (default: "
+              "neighbours)");
   app.add_option("--verify-depth", retrieval.verify_depth,
-                 "images verified per query; 0 = as query does")
-      ->capture_default_str()
+                 "candidates to verify per query; 0 = as query does")
       ->check(Between(0, 1'000'000));
-  app.add_option("--jobs,-j", retrieval.jobs, "threads that describe images; 0 = one a core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
+  AddJobsFlag(app, retrieval.jobs, "threads that describe images");
   app.add_option("--cache", retrieval.cache,
                  "keep the features in this folder, so that the next run is faster")
       ->type_name("DIR");
@@ -433,7 +365,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
                   "write the first ten hits of every query to this CSV file; - = standard output")
       ->type_name("FILE");
   app->add_flag("--list", options->list, "only print the queries and the searched images, as JSON");
-  app->add_flag("--json", options->json, "print one JSON document");
+  AddJsonFlag(*app, options->json);
   app->footer("Example:  pliant eval retrieval dev --descriptor deal,rootsift --protocol default");
   app->callback([options, &status] { status = Run(*options); });
 }

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant eval tracking DIR
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <string>
 #include <utility>
@@ -10,7 +9,6 @@
 
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
-#include "index/cli/eval_files.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
@@ -32,18 +30,6 @@ std::vector<TrackingResult> AtStep(const TrackingReport& report, int step) {
                         [step](const TrackedView& view) { return StepOf(view) == step; });
 }
 
-std::string Table(const std::vector<TrackingResult>& results) {
-  const std::vector<std::string> header = {"descriptor", "inlier rate", "SSIM",
-                                           "error px",   "tracked",     "found"};
-  std::vector<std::vector<std::string>> rows;
-  for (const TrackingResult& r : results) {
-    rows.push_back({r.descriptor, FormatFixed(r.inlier_rate, 3), FormatFixed(r.ssim, 3),
-                    r.found_share > 0 ? FormatFixed(r.error_px, 2) : "-",
-                    FormatFixed(r.tracked_share, 3), FormatFixed(r.found_share, 3)});
-  }
-  return FormatTable(header, rows);
-}
-
 Json ResultsJson(const std::vector<TrackingResult>& results) {
   Json json = Json::array();
   for (const TrackingResult& r : results) {
@@ -59,17 +45,24 @@ Json ResultsJson(const std::vector<TrackingResult>& results) {
   return json;
 }
 
+std::string Table(const std::vector<TrackingResult>& results) {
+  return TableOf(ResultsJson(results), {{"/descriptor", "descriptor"},
+                                        {"/inlier_rate", "inlier rate"},
+                                        {"/ssim", "SSIM"},
+                                        {"/error_px", "error px", 2},
+                                        {"/tracked_share", "tracked"},
+                                        {"/found_share", "found"}});
+}
+
 // A table, then one per group.
 std::string TrackingReportText(const TrackingReport& report) {
-  std::string text =
-      std::to_string(report.sequences.size()) + " sequences, " + std::to_string(report.frames) +
-      " frames" +
-      (report.unseen > 0 ? ", " + std::to_string(report.unseen) + " excluded (object not visible)"
-                         : "") +
-      "\n" + Table(report.results);
+  std::string text = fmt::format(
+      "{} sequences, {} frames{}\n{}", report.sequences.size(), report.frames,
+      report.unseen > 0 ? fmt::format(", {} excluded (object not visible)", report.unseen) : "",
+      Table(report.results));
   for (const TrackingReport::Subset& group : report.groups) {
-    text += "\n\n" + group.name + ": " + std::to_string(group.sequences) + " sequences, " +
-            std::to_string(group.frames) + " frames\n" + Table(group.results);
+    text += fmt::format("\n\n{}: {} sequences, {} frames\n{}", group.name, group.sequences,
+                        group.frames, Table(group.results));
   }
   return text;
 }
@@ -100,20 +93,11 @@ std::string TrackingReportCsv(const TrackingReport& report) {
       "sequence,view,descriptor,found,reason,matches,inliers,inlier_rate,error_px,size_px,tracked,"
       "ssim\n";
   for (const TrackedView& view : report.views) {
-    const std::vector<std::string> cells = {report.sequences[view.sequence],
-                                            std::to_string(view.view),
-                                            report.results[view.descriptor].descriptor,
-                                            view.found ? "1" : "0",
-                                            ToString(view.reason),
-                                            std::to_string(view.matches),
-                                            std::to_string(view.inliers),
-                                            FormatFixed(view.inlier_rate, 4),
-                                            view.found ? FormatFixed(view.error_px, 3) : "",
-                                            FormatFixed(view.size_px, 1),
-                                            view.tracked ? "1" : "0",
-                                            FormatFixed(view.ssim, 4)};
-    for (std::size_t i = 0; i < cells.size(); ++i) csv += (i > 0 ? "," : "") + cells[i];
-    csv += "\n";
+    csv += fmt::format(
+        "{},{},{},{:d},{},{},{},{:.4f},{},{:.1f},{:d},{:.4f}\n", report.sequences[view.sequence],
+        view.view, report.results[view.descriptor].descriptor, view.found, ToString(view.reason),
+        view.matches, view.inliers, view.inlier_rate,
+        view.found ? FormatFixed(view.error_px, 3) : "", view.size_px, view.tracked, view.ssim);
   }
   return csv;
 }
@@ -126,7 +110,7 @@ struct Options {
 };
 
 ExitStatus Run(Options& options) {
-  CheckCsv(options.csv, options.json);
+  CheckOutput(options.csv, "--csv", options.json);
   const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
   const Interrupt interrupt;
   TrackingReport report;
@@ -156,27 +140,18 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
       "tracking", "Track simulated objects with ground truth (simulate --preset sequence)");
   app->add_option("DIR", options->folder, "scenes, or a folder of such folders (groups)")
       ->required();
-  app->add_option("--descriptor", benchmark.descriptors,
-                  "rows of the table, separated by commas (default: deal, deal-fixed, rootsift, "
-                  "sift, orb)")
+  app->add_option("--descriptor", benchmark.descriptors, "rows of the table, separated by commas")
       ->delimiter(',')
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME,...");
-  app->add_option("--model", benchmark.model, "weight file for deal and its variants")
-      ->type_name("FILE");
+  AddModelFlag(*app, benchmark.model);
   app->add_option("--max-keypoints", benchmark.max_keypoints,
-                  "number of keypoints of the object and of each frame, strongest first")
-      ->capture_default_str()
+                  "keypoints of the object and of each frame, strongest first")
       ->check(Between(1, 4096));
-  app->add_option("--every", benchmark.every, "use every N-th frame only")
-      ->capture_default_str()
-      ->check(Between(1, 1'000'000));
-  AddTrackingFlags(*app, benchmark.locate);
-  app->add_option("--jobs,-j", benchmark.jobs, "threads, one sequence each; 0 = one per core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
+  AddTrackingFlags(*app, benchmark.every, benchmark.locate);
+  AddJobsFlag(*app, benchmark.jobs, "threads, one sequence each");
   AddCsvFlag(*app, options->csv, "write one row per frame and descriptor");
-  app->add_flag("--json", options->json, "print one JSON document");
+  AddJsonFlag(*app, options->json);
   app->footer("Example:  pliant eval tracking scenes");
   app->callback([options, &status] { status = Run(*options); });
 }

@@ -36,19 +36,13 @@ const char* NamedBy(const ImageFiles& files) {
   return files.by_stem ? "file name" : "nothing";
 }
 
-std::optional<VocabularyRecord> ActiveVocabulary(Engine& engine, const std::string& collection) {
-  for (const VocabularyRecord& record : engine.ListVocabularies(collection)) {
-    if (record.active) return record;
-  }
-  return std::nullopt;
-}
-
-// The first vocabulary comes by itself, so that one command makes an index that answers; and
+// The first vocabulary is trained automatically, so that one command makes an index that answers;
 // another one when the collection has outgrown it.
 void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interrupt,
                 Outcome& outcome) {
   const CollectionRecord record = engine.GetCollection(options.job.collection);
-  if (!AutomaticTrainingIsDue(record)) return;
+  outcome.vocabulary = record.vocabulary;
+  if (outcome.job.interrupted || !AutomaticTrainingIsDue(record)) return;
   Message(record.vocabulary ? "the collection has outgrown its vocabulary: training another one"
                             : "no vocabulary yet: training one from the stored images");
   TrainOptions train;
@@ -72,36 +66,32 @@ void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interru
 
 void PrintText(const Outcome& outcome, const ImageFiles& files) {
   const FolderImportResult& job = outcome.job;
-  for (const SkippedFile& file : job.skipped) Message("skipped " + file.file + ": " + file.reason);
-  if (std::any_of(job.skipped.begin(), job.skipped.end(),
-                  [](const SkippedFile& file) { return file.code == "same_bytes"; })) {
+  ReportSkipped(job.skipped);
+  if (std::ranges::find(job.skipped, "same_bytes", &SkippedFile::code) != job.skipped.end()) {
     Message(
-        "what is stored keeps its name: to give it another one, remove it first (pliant db rm "
+        "a stored image keeps its object: to change it, remove the image first (pliant db rm "
         "--object NAME) or rename the object on the web page");
   }
-  Print("indexed " + std::to_string(job.indexed) + ", unchanged " + std::to_string(job.unchanged) +
-        ", skipped " + std::to_string(job.skipped.size()) + " images in " +
-        FormatFixed(outcome.seconds, 1) + " s (objects named by " + NamedBy(files) + ")");
+  Print("indexed {}, unchanged {}, skipped {} images in {:.1f} s (objects named by {})",
+        job.indexed, job.unchanged, job.skipped.size(), outcome.seconds, NamedBy(files));
   if (outcome.vocabulary) {
-    Print(std::string(outcome.trained ? "trained" : "using") + " vocabulary " +
-          std::to_string(outcome.vocabulary->id) + " of " +
-          std::to_string(outcome.vocabulary->words) + " words");
+    Print("{} vocabulary {} of {} words", outcome.trained ? "trained" : "using",
+          outcome.vocabulary->id, outcome.vocabulary->words);
   }
 }
 
 Json ToJson(const Outcome& outcome) {
-  Json skipped = Json::array();
-  for (const SkippedFile& file : outcome.job.skipped) {
-    skipped.push_back({{"file", file.file}, {"reason", file.reason}, {"code", file.code}});
-  }
   Json vocabulary = nullptr;
   if (outcome.vocabulary) {
     vocabulary = VocabularyDocument(*outcome.vocabulary);
     vocabulary["trained"] = outcome.trained;
   }
-  return {{"indexed", outcome.job.indexed}, {"unchanged", outcome.job.unchanged},
-          {"skipped", std::move(skipped)},  {"vocabulary", std::move(vocabulary)},
-          {"seconds", outcome.seconds},     {"interrupted", outcome.job.interrupted}};
+  return {{"indexed", outcome.job.indexed},
+          {"unchanged", outcome.job.unchanged},
+          {"skipped", SkippedJson(outcome.job.skipped)},
+          {"vocabulary", std::move(vocabulary)},
+          {"seconds", outcome.seconds},
+          {"interrupted", outcome.job.interrupted}};
 }
 
 ExitStatus Run(Options& options) {
@@ -121,14 +111,11 @@ ExitStatus Run(Options& options) {
     outcome.job = ImportImages(engine, files, options.job);
     options.job.progress = {};
   }
-  outcome.vocabulary = ActiveVocabulary(engine, options.job.collection);
-  if (!outcome.job.interrupted) {
-    try {
-      TrainIfDue(engine, options, interrupt, outcome);
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kCancelled) throw;
-      outcome.job.interrupted = true;
-    }
+  try {
+    TrainIfDue(engine, options, interrupt, outcome);
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kCancelled) throw;
+    outcome.job.interrupted = true;
   }
   outcome.seconds = watch.seconds();
   if (options.json) {
@@ -138,9 +125,7 @@ ExitStatus Run(Options& options) {
   }
   if (files.images.empty()) Message("no images were found");
   if (outcome.job.interrupted) {
-    Message(
-        "stopped on request; indexed images are kept: run the same command again to "
-        "resume");
+    Message("stopped on request; indexed images are kept: run the same command again to resume");
     return ExitStatus::kFailed;  // of which main makes 130 or 143
   }
   return outcome.job.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
@@ -157,28 +142,22 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   AddCollectionFlag(*app, options->job.collection);
   AddChoice<ObjectFrom>(
       *app, "--object-from", options->object_from,
-      "the name of an image's object: its folder below DIR (\"coat/front\"), its file name "
-      "without extension (stem), or none (default: folder; stem for files that are given "
-      "themselves, and for what lies directly in a single DIR)",
+      "the name of an image's object: its folder below DIR (\"coat/front\"), its file name without "
+      "extension (stem), or none (default: folder; stem for image files on the command line, and "
+      "for images directly in a single DIR)",
       {{"folder", ObjectFrom::kFolder}, {"stem", ObjectFrom::kStem}, {"none", ObjectFrom::kNone}});
-  app->add_option("--jobs,-j", options->job.threads, "threads, one image each; 0 = one a core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
+  AddJobsFlag(*app, options->job.threads, "threads, one image each");
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
                 "also store the image files, for the web page (default: yes)");
-  app->add_option_function<std::string>(
-         "--originals-dir",
-         [options](const std::string& text) {
-           options->engine.originals_dir = ParseOriginalsDir(text);
-         },
-         "store them in this directory, or in the `database` (default: where the database keeps "
-         "them already)")
+  AddOriginalsFlag(*app, options->engine,
+                   "store them in this directory, or in the `database` (default: keep the current "
+                   "location)")
       ->type_name("DIR|database");
   AddExtractionFlags(*app, options->engine);
-  app->add_flag("--json", options->json, "print one JSON document");
+  AddJsonFlag(*app, options->json);
   app->footer(
-      "Example:  pliant index shirts/ --db my.db         one folder an object\n"
-      "          pliant index more/ --db my.db --json    goes on where it was stopped");
+      "Example:  pliant index shirts/ --db my.db         one folder per object\n"
+      "          pliant index more/ --db my.db --json    run again to continue after a stop");
   app->callback([options, &status] { status = Run(*options); });
 }
 

@@ -8,11 +8,10 @@
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
-#include "index/usage/usage_error.h"
+#include "index/usage/usage.h"
 
+namespace pliant::cli {
 namespace {
-
-using pliant::cli::ExitStatus;
 
 constexpr const char* kFooter =
     "Exit status: 0 done, 1 failed, 2 wrong usage, 3 done but some inputs were skipped,\n"
@@ -20,7 +19,7 @@ constexpr const char* kFooter =
     "Start with:  pliant index IMAGES/ --db my.db\n"
     "             pliant query PHOTO.jpg --db my.db";
 
-// True when some subcommand that ran was asked for JSON: then failures are JSON as well.
+// Whether the subcommand that ran was asked for JSON: then failures are JSON as well.
 bool WantsJson(const CLI::App& app) {
   for (const CLI::App* sub : app.get_subcommands()) {
     const CLI::Option* json = sub->get_option_no_throw("--json");
@@ -29,48 +28,72 @@ bool WantsJson(const CLI::App& app) {
   return false;
 }
 
+// Help shows each option's default, except for empty lists and required options.
+void HideEmptyDefaults(CLI::App& app) {
+  for (CLI::Option* option : app.get_options()) {
+    const std::string text = option->get_default_str();
+    if (text == "[]" || text == "{}" || option->get_required()) option->default_str("");
+  }
+  for (CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    HideEmptyDefaults(*sub);
+  }
+}
+
+void AddCommands(CLI::App& program, ExitStatus& status) {
+  program.option_defaults()->always_capture_default();  // of the commands, too
+  AddIndexCommand(program, status);
+  AddQueryCommand(program, status);
+  AddVocabCommand(program, status);
+  AddDbCommand(program, status);
+  AddDescribeCommand(program, status);
+  AddSimulateCommand(program, status);
+  AddMatchCommand(program, status);
+  CLI::App* eval = program.add_subcommand("eval", "Evaluate descriptors on a data set");
+  eval->require_subcommand(1);
+  eval->footer("Example:  pliant eval matching scenes/");
+  AddEvalMatching(*eval, status);
+  AddEvalRetrieval(*eval, status);
+  AddEvalTracking(*eval, status);
+  AddTrackCommand(program, status);
+  HideEmptyDefaults(program);
+}
+
 ExitStatus Run(int argc, char** argv) {
   CLI::App program("Find the same object again, however it is bent, folded or crumpled.", "pliant");
   program.set_version_flag("--version", std::string("pliant ") + PLIANT_VERSION);
   program.footer(kFooter);
-  program.failure_message(pliant::cli::UsageError);
+  program.failure_message(UsageError);
   program.require_subcommand(1);
   ExitStatus status = ExitStatus::kDone;
-  for (const auto add :
-       {pliant::cli::AddIndexCommand, pliant::cli::AddQueryCommand, pliant::cli::AddVocabCommand,
-        pliant::cli::AddDbCommand, pliant::cli::AddDescribeCommand, pliant::cli::AddSimulateCommand,
-        pliant::cli::AddMatchCommand, pliant::cli::AddEvalCommand, pliant::cli::AddTrackCommand}) {
-    add(program, status);
-  }
+  AddCommands(program, status);
   try {
     program.parse(argc, argv);
-    pliant::cli::FlushOutput();
+    FlushOutput();
     return status;
   } catch (const CLI::ParseError& error) {
     return program.exit(error) == 0 ? ExitStatus::kDone : ExitStatus::kWrongUsage;
-  } catch (const pliant::Error& error) {
-    pliant::cli::ReportError(error, WantsJson(program));
-    return pliant::cli::ToExitStatus(error.code());
+  } catch (const Error& error) {
+    ReportError(error, WantsJson(program));
+    return ToExitStatus(error.code());
   } catch (const std::bad_alloc&) {
-    pliant::cli::ReportError(
-        {pliant::ErrorCode::kUnavailable, "out_of_memory", "not enough memory"},
-        WantsJson(program));
+    ReportError({ErrorCode::kUnavailable, "out_of_memory", "not enough memory"},
+                WantsJson(program));
   } catch (const std::exception& error) {
-    pliant::cli::ReportError({pliant::ErrorCode::kInternal, "internal", error.what()},
-                             WantsJson(program));
+    ReportError({ErrorCode::kInternal, "internal", error.what()}, WantsJson(program));
   }
   return ExitStatus::kFailed;
 }
 
 }  // namespace
+}  // namespace pliant::cli
 
 int main(int argc, char** argv) {
-  // A file size limit and a closed pipe come as errors of the write, not as death without a word.
+  // A file size limit and a closed pipe become errors of the write; they do not kill the process.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   pliant::QuietDecoders();
-  const ExitStatus status = Run(argc, argv);
-  // What was stopped by a signal ends as shells say it of those that signals end.
+  const auto status = static_cast<int>(pliant::cli::Run(argc, argv));
+  // After a stop by a signal the exit status is that of a process that the signal ended.
   const int number = pliant::cli::Interrupt::Signal();
-  return number != 0 && status != ExitStatus::kDone ? 128 + number : static_cast<int>(status);
+  return number != 0 && status != 0 ? 128 + number : status;
 }

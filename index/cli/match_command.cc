@@ -2,19 +2,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // pliant match A B; pliant match DIR --colmap FILE
 #include <algorithm>
+#include <fstream>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include "descriptor/base/parallel.h"
 #include "descriptor/drawing/match_drawing.h"
 #include "descriptor/evaluation/dataset.h"
 #include "descriptor/evaluation/metrics.h"
-#include "index/cli/colmap_export.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/image_input.h"
+#include "index/cli/interrupt.h"
 #include "index/cli/output.h"
+#include "index/cli/progress.h"
 #include "index/cli/write_file.h"
-#include "index/files/image_files.h"
+#include "index/files/text.h"
+#include "index/store/colmap_database.h"
 #include "index/verify/verification.h"
 
 namespace pliant::cli {
@@ -26,18 +37,20 @@ struct Options {
   std::filesystem::path first, second;
   std::filesystem::path homography;
   std::filesystem::path draw;
-  ColmapExportOptions colmap;
+  std::filesystem::path colmap;  // a new COLMAP database of all images of a folder
+  std::filesystem::path pairs;   // two names per line; empty = all pairs
+  bool one_camera = false;
   MatchOptions match{.max_ratio = 1, .mutual_only = true, .threads = 0};
   double tolerance_px = 3;
   bool verify = false;
   bool json = false;
 };
 
-// What was found, and what is known about it.
+// The matches, and what is known about them.
 struct Result {
   Features first, second;
   std::vector<Match> matches;     // Match::reference: of the first image
-  std::vector<Verdict> verdicts;  // one a match
+  std::vector<Verdict> verdicts;  // one per match
   std::optional<int> correct;     // of those whose truth is known
   int known = 0;
   int true_pairs = 0;                              // that could have been matched
@@ -79,17 +92,14 @@ struct Images {
 Images ReadImages(const Options& options) {
   if (options.first == "-" && options.second == "-") {
     throw Error(ErrorCode::kInvalidArgument, "bad_arguments",
-                "only one of both images can be standard input");
+                "only one of the two images can be standard input");
   }
   const std::int64_t max_bytes = options.engine.extraction.decode.max_bytes;
   return {ReadImage(options.first, max_bytes), ReadImage(options.second, max_bytes)};
 }
 
 Result MatchImages(const Options& options, const Images& images) {
-  const std::string name =
-      options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
-  const FeatureExtractor extractor(MakeDescriptor(name, options.engine.descriptor_options),
-                                   options.engine.extraction);
+  const FeatureExtractor extractor(NamedDescriptor(options.engine), options.engine.extraction);
   Result result;
   const auto extract = [&](const ImageInput& image) {
     return Naming(image, [&] { return extractor.Extract(image.bytes, options.match.threads); });
@@ -111,49 +121,49 @@ Result MatchImages(const Options& options, const Images& images) {
   return result;
 }
 
-Json PlacesJson(const std::vector<Keypoint>& keypoints) {
-  Json places = Json::array();
-  for (const Keypoint& k : keypoints) places.push_back({k.x, k.y});
-  return places;
+// [[x, y], ...]
+template <typename Points>
+Json PositionsJson(const Points& points) {
+  Json positions = Json::array();
+  for (const auto& p : points) positions.push_back({p.x, p.y});
+  return positions;
 }
 
 Json ToJson(const Result& result) {
   Json matches = Json::array();
   for (const Match& m : result.matches) matches.push_back({m.reference, m.query, m.distance});
-  Json json = {
-      {"keypoints", {result.first.keypoints.size(), result.second.keypoints.size()}},
-      {"matches", std::move(matches)},
-      {"correct", result.correct ? Json(*result.correct) : Json()},
-      {"known", result.known},
-      {"true_pairs", result.correct ? Json(result.true_pairs) : Json()},
-      {"model_id", result.first.model_id},
-      {"positions", {PlacesJson(result.first.keypoints), PlacesJson(result.second.keypoints)}}};
-  if (result.verification) {
+  Json json = {{"keypoints", {result.first.keypoints.size(), result.second.keypoints.size()}},
+               {"matches", std::move(matches)},
+               {"correct", OrNull(result.correct)},
+               {"known", result.known},
+               {"true_pairs", result.correct ? Json(result.true_pairs) : Json()},
+               {"model_id", result.first.model_id},
+               {"positions",
+                {PositionsJson(result.first.keypoints), PositionsJson(result.second.keypoints)}}};
+  if (const auto& verification = result.verification) {
     Json inliers = Json::array();
-    for (const MatchedPair& pair : result.verification->inliers)
+    for (const MatchedPair& pair : verification->inliers) {
       inliers.push_back({pair.reference, pair.query});
-    Json outline = Json::array();
-    for (const Vec2& p : result.verification->outline) outline.push_back({p.x, p.y});
-    json["verification"] = {{"verified", result.verification->verified()},
-                            {"tentative", result.verification->matches},
+    }
+    json["verification"] = {{"verified", verification->verified()},
+                            {"tentative", verification->matches},
                             {"inliers", std::move(inliers)},
-                            {"outline", std::move(outline)}};
+                            {"outline", PositionsJson(verification->outline)}};
   }
   return json;
 }
 
 std::string Summary(const Result& result) {
-  std::string text = std::to_string(result.first.keypoints.size()) + " and " +
-                     std::to_string(result.second.keypoints.size()) + " keypoints, " +
-                     std::to_string(result.matches.size()) + " mutual matches";
+  std::string text =
+      fmt::format("{} and {} keypoints, {} mutual matches", result.first.keypoints.size(),
+                  result.second.keypoints.size(), result.matches.size());
   if (result.correct) {
-    text += "; of " + std::to_string(result.known) + " on the object " +
-            std::to_string(*result.correct) + " are right (" + std::to_string(result.true_pairs) +
-            " possible)";
+    text += fmt::format("; of {} on the object {} are correct ({} possible)", result.known,
+                        *result.correct, result.true_pairs);
   }
   if (result.verification) {
-    text += "; " + std::to_string(result.verification->inliers.size()) +
-            (result.verification->verified() ? " agree with one warp" : " agree: not verified");
+    text += fmt::format("; {} {}", result.verification->inliers.size(),
+                        result.verification->verified() ? "fit one warp" : "fit: not verified");
   }
   return text;
 }
@@ -169,7 +179,7 @@ Vec2 Scaled(double x, double y, double scale) {
   return {(x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5};
 }
 
-// All mutual matches, or those that agree with the warp where that was asked for.
+// All mutual matches, or with --verify those that fit the warp.
 void Draw(const Options& options, const Images& images, const Result& result) {
   double first_scale = 1, second_scale = 1;
   const DecodeOptions& decode = options.engine.extraction.decode;
@@ -179,13 +189,11 @@ void Draw(const Options& options, const Images& images, const Result& result) {
   std::vector<Vec2> outline;
   for (std::size_t m = 0; m < result.matches.size(); ++m) {
     const Match& match = result.matches[m];
-    if (result.verification) {
-      const auto& inliers = result.verification->inliers;
-      if (std::none_of(inliers.begin(), inliers.end(), [&match](const MatchedPair& pair) {
-            return pair.reference == match.reference && pair.query == match.query;
-          })) {
-        continue;
-      }
+    const auto is_match = [&match](const MatchedPair& pair) {
+      return pair.reference == match.reference && pair.query == match.query;
+    };
+    if (result.verification && std::ranges::none_of(result.verification->inliers, is_match)) {
+      continue;
     }
     const Keypoint& a = result.first.keypoints[match.reference];
     const Keypoint& b = result.second.keypoints[match.query];
@@ -199,18 +207,197 @@ void Draw(const Options& options, const Images& images, const Result& result) {
   WriteImage(options.draw, DrawMatches(first, second, drawn, outline, Summary(result)));
 }
 
-ExitStatus Export(Options& options) {
-  ColmapExportOptions& colmap = options.colmap;
-  colmap.inputs = {options.first};
-  if (!options.second.empty()) colmap.inputs.push_back(options.second);
-  colmap.match = options.match;
-  colmap.verify = options.verify;
-  colmap.json = options.json;
-  return ExportToColmap(options.engine, colmap);
+using Pair = std::pair<std::size_t, std::size_t>;
+
+// A point of the upright image in the pixels as they are stored (EXIF 2.3, tag 0x0112), which is
+// what COLMAP reads. `width`, `height`: of the upright image.
+Vec2 AsStored(Vec2 p, int orientation, int width, int height) {
+  const double right = width - 1.0 - p.x;
+  const double below = height - 1.0 - p.y;
+  switch (orientation) {
+    case 2:
+      return {right, p.y};
+    case 3:
+      return {right, below};
+    case 4:
+      return {p.x, below};
+    case 5:
+      return {p.y, p.x};
+    case 6:
+      return {p.y, right};
+    case 7:
+      return {below, right};
+    case 8:
+      return {below, p.x};
+    default:
+      return p;
+  }
 }
 
+// `pliant match --colmap`: all images of a folder matched with each other. Images that cannot be
+// read are skipped and reported.
+class ColmapExport {
+ public:
+  explicit ColmapExport(const Options& options) : options_(options) {}
+
+  ExitStatus Run() {
+    const std::unique_ptr<ColmapDatabase> database =
+        CreateColmapDatabase(options_.colmap, options_.one_camera);
+    std::vector<std::filesystem::path> inputs = {options_.first};
+    if (!options_.second.empty()) inputs.push_back(options_.second);
+    folder_ = FindFolderImages(inputs);
+    RequireTwo(" found");
+    if (!options_.pairs.empty()) ReadPairs();
+    DescribeFolder(folder_, options_.engine, options_.match.threads, interrupt_);
+    if (!Stopped()) {
+      RequireTwo(" that can be described");
+      Store(*database);
+      MatchAll(*database);
+    }
+    if (Stopped()) {
+      Message("stopped on request; nothing was written");
+      return ExitStatus::kFailed;
+    }
+    database->Publish();
+    Report();
+    return folder_.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
+  }
+
+ private:
+  bool Stopped() const { return interrupt_.requested(); }
+
+  void RequireTwo(const std::string& which) const {
+    const std::size_t count = folder_.images.size();
+    if (count >= 2) return;
+    ReportSkipped(folder_.skipped);
+    throw Error(ErrorCode::kInvalidArgument, "too_few_images",
+                fmt::format("{} {}{}; matching needs two or more", count,
+                            count == 1 ? "image" : "images", which));
+  }
+
+  void Store(ColmapDatabase& database) {
+    for (const FolderImage& image : folder_.images) {
+      CheckDescriptors(image.features.descriptors, "the image's descriptors");
+      packed_.emplace_back(image.features.descriptors);
+      const Features& features = image.features;
+      std::vector<Vec2> points;
+      for (const Keypoint& k : features.keypoints) {
+        points.push_back(
+            AsStored({k.x, k.y}, image.exif_orientation, features.width, features.height));
+      }
+      const bool turned = image.exif_orientation >= 5;
+      numbers_.push_back(database.AddImage({image.name, turned ? features.height : features.width,
+                                            turned ? features.width : features.height, points}));
+    }
+  }
+
+  // Pairs of images, each once, the one that comes first in the folder first.
+  std::vector<Pair> Pairs() const {
+    std::vector<Pair> pairs;
+    std::map<std::string, std::size_t> at;
+    for (std::size_t b = 0; b < folder_.images.size(); ++b) {
+      at[folder_.images[b].name] = b;
+      for (std::size_t a = 0; a < b && options_.pairs.empty(); ++a) pairs.emplace_back(a, b);
+    }
+    for (const auto& [first, second] : listed_) {  // without those of skipped images
+      if (at.contains(first) && at.contains(second)) pairs.emplace_back(at[first], at[second]);
+    }
+    return pairs;
+  }
+
+  // COLMAP's match list: two names a line.
+  void ReadPairs() {
+    std::ifstream file(options_.pairs);
+    const std::string shown = PathText(options_.pairs);
+    if (!file || std::filesystem::is_directory(options_.pairs)) {
+      throw Error(ErrorCode::kNotFound, "cannot_read", shown + " cannot be read");
+    }
+    const auto invalid = [&shown](const std::string& why) {
+      return Error(ErrorCode::kInvalidArgument, "pairs_invalid", shown + why);
+    };
+    std::set<std::string> names;
+    for (const FolderImage& image : folder_.images) names.insert(image.name);
+    std::string line;
+    for (int number = 1; std::getline(file, line); ++number) {
+      std::istringstream words(line);
+      std::string first, second, rest;
+      if (!(words >> first) || first[0] == '#') continue;
+      if (!(words >> second) || (words >> rest) || first == second) {
+        throw invalid(fmt::format(":{}: a line names two different images", number));
+      }
+      for (const std::string& name : {first, second}) {
+        if (names.contains(name)) continue;
+        throw invalid(fmt::format(":{}: there is no image {} below {}", number, ToDisplayText(name),
+                                  PathText(folder_.root)));
+      }
+      listed_.insert(std::minmax(first, second));
+    }
+    if (listed_.empty()) throw invalid(" names no images");
+  }
+
+  std::vector<PointNumbers> MatchPair(std::size_t a, std::size_t b) const {
+    std::vector<PointNumbers> found;
+    const Features& first = folder_.images[a].features;
+    if (options_.verify) {
+      const Verifier verifier(folder_.images[b].features);
+      for (const MatchedPair& pair : verifier.Verify(first).inliers) {
+        found.emplace_back(pair.reference, pair.query);
+      }
+      return found;
+    }
+    MatchOptions match = options_.match;
+    match.threads = 1;
+    for (const Match& m : MatchDescriptors(packed_[b], first.descriptors, match)) {
+      found.emplace_back(m.reference, m.query);
+    }
+    return found;
+  }
+
+  void MatchAll(ColmapDatabase& database) {
+    const std::vector<Pair> pairs = Pairs();
+    std::mutex mutex;  // guards the database and the counts
+    Progress progress("pairs");
+    ParallelFor(pairs.size(), options_.match.threads, [&](std::size_t i) {
+      if (Stopped()) return;
+      const auto& [a, b] = pairs[i];
+      const std::vector<PointNumbers> found = MatchPair(a, b);
+      const std::lock_guard lock(mutex);
+      database.AddMatches(numbers_[a], numbers_[b], found);
+      matches_ += found.size();
+      progress.Count(++pairs_, pairs.size());
+    });
+  }
+
+  void Report() const {
+    const std::string root = PathText(folder_.root);
+    const std::string file = PathText(options_.colmap);
+    if (options_.json) {
+      PrintJson({{"file", file},
+                 {"image_path", root},
+                 {"images", folder_.images.size()},
+                 {"pairs", pairs_},
+                 {"matches", matches_},
+                 {"model_id", folder_.images[0].features.model_id},
+                 {"skipped", SkippedJson(folder_.skipped)}});
+      return;
+    }
+    ReportSkipped(folder_.skipped);
+    Print("wrote {}: {} images below {}, {} matches of {} pairs", file, folder_.images.size(), root,
+          matches_, pairs_);
+  }
+
+  const Options& options_;
+  const Interrupt interrupt_;
+  FolderFeatures folder_;
+  std::vector<PackedDescriptors> packed_;  // one per image
+  std::vector<int> numbers_;               // in the database
+  std::set<std::pair<std::string, std::string>> listed_;
+  std::uint64_t pairs_ = 0;
+  std::uint64_t matches_ = 0;
+};
+
 ExitStatus Run(Options& options) {
-  if (!options.colmap.database.empty()) return Export(options);
+  if (!options.colmap.empty()) return ColmapExport(options).Run();
   if (options.second.empty()) throw CLI::RequiredError("B");
   if (!options.draw.empty()) CheckImageName(options.draw);
   CheckNotInput(options.draw, {options.first, options.second, options.homography});
@@ -237,43 +424,39 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   AddExtractionFlags(*app, options->engine);
   app->add_option("--ratio", options->match.max_ratio,
                   "ratio test: drop matches whose distance is more than this times that of the "
-                  "second nearest")
-      ->capture_default_str();
+                  "second nearest");
   CLI::Option* homography =
-      app->add_option(
-             "--homography", options->homography,
-             "file with nine numbers that map pixels of A to pixels of B: shows which matches "
-             "are correct "
-             "(images of a simulated scene or of the non-rigid benchmark need none)")
+      app->add_option("--homography", options->homography,
+                      "file with nine numbers that map pixels of A to pixels of B, to show which "
+                      "matches are correct (not needed for images of a simulated scene or of the "
+                      "non-rigid benchmark)")
           ->type_name("FILE");
   app->add_option("--tolerance", options->tolerance_px,
                   "distance from the true position, in pixels, up to which a match is correct")
-      ->capture_default_str()
       ->check(AboveZero());
-  app->add_flag("--verify", options->verify, "keep only matches that agree with one smooth warp");
+  app->add_flag("--verify", options->verify, "keep only matches that fit one smooth warp");
   CLI::Option* draw =
       app->add_option("--draw", options->draw,
                       "draw both images with the matches: green correct, red wrong, blue unknown; "
                       "- = standard output")
           ->type_name("PNG");
   CLI::Option* colmap =
-      app->add_option("--colmap", options->colmap.database,
-                      "write the keypoints and matches of the folder's images, every two of "
-                      "them, to this new database of COLMAP")
+      app->add_option(
+             "--colmap", options->colmap,
+             "write the keypoints of the folder's images, and the matches of all pairs, to "
+             "this new COLMAP database")
           ->type_name("FILE")
           ->excludes(draw)
           ->excludes(homography);
-  app->add_option("--pairs", options->colmap.pairs,
-                  "file with two names a line: match only these images with each other")
+  app->add_option("--pairs", options->pairs,
+                  "file with two image names per line: match only these pairs")
       ->type_name("FILE")
       ->needs(colmap);
-  app->add_flag("--one-camera", options->colmap.one_camera,
-                "all images were taken by one camera, with one focal length")
+  app->add_flag("--one-camera", options->one_camera,
+                "one camera with one focal length took all images")
       ->needs(colmap);
-  app->add_option("--jobs,-j", options->match.threads, "threads; 0 = one per core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
-  app->add_flag("--json", options->json, "print one JSON document");
+  AddJobsFlag(*app, options->match.threads);
+  AddJsonFlag(*app, options->json);
   app->footer(
       "Example:  pliant match A.jpg B.jpg --verify --draw matches.png\n"
       "          pliant match views/ --colmap views.db\n"

@@ -3,16 +3,15 @@
 #include "index/cli/output.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <iostream>
 
 #include <unistd.h>
 
+#include "descriptor/base/strings.h"
 #include "descriptor/base/unix_time.h"
-#include "index/cli/flag_names.h"
 #include "index/files/text.h"
 #include "index/json/record_json.h"
+#include "index/usage/usage.h"
 
 namespace pliant::cli {
 namespace {
@@ -27,6 +26,13 @@ bool IsNumber(const std::string& text) {
   return !text.empty() && text.find_first_not_of("0123456789.-") == std::string::npos;
 }
 
+std::string Cell(const Json& row, const Column& column, const std::string& none) {
+  const Json& value = row.at(Json::json_pointer(column.field));
+  if (value.is_null()) return none;
+  if (value.is_number_float()) return FormatFixed(value.get<double>(), column.decimals);
+  return value.is_string() ? value.get<std::string>() : value.dump();
+}
+
 bool standard_output_is_file = false;  // set once, before any output
 
 }  // namespace
@@ -36,13 +42,13 @@ void Print(std::string_view text) {
 }
 
 void ClaimStandardOutput(std::string_view flag, bool json) {
-  const auto refuse = [flag](const std::string& why) {
-    throw Error(ErrorCode::kInvalidArgument, "output_taken", std::string(flag) + " - " + why);
+  const auto refuse = [flag](const char* why) {
+    throw Error(ErrorCode::kInvalidArgument, "output_taken", fmt::format("{} - {}", flag, why));
   };
   if (json) refuse("and --json would both write to standard output");
   if (standard_output_is_file) refuse("and another option would both write to standard output");
   if (::isatty(STDOUT_FILENO) != 0) {
-    refuse("writes to standard output, which is a terminal: send it to a file or a program");
+    refuse("writes to standard output, which is a terminal: redirect it to a file or a program");
   }
   standard_output_is_file = true;
 }
@@ -61,7 +67,7 @@ void FlushOutput() {
 void ReportError(const Error& error, bool json) {
   std::string message = ToDisplayText(WithFlagNames(error));
   if (error.reason() == "database_not_found") message += "; `pliant index DIR --db FILE` makes one";
-  Message("pliant: " + message);
+  Message("pliant: {}", message);
   if (!json) return;
   PrintJson({{"error", {{"code", error.reason()}, {"message", message}}}});
   std::cout.flush();
@@ -107,9 +113,43 @@ std::string CsvField(const std::string& text) {
 }
 
 std::string FormatFixed(double value, int decimals) {
-  std::array<char, 64> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), "%.*f", decimals, value);
-  return buffer.data();
+  return fmt::format("{:.{}f}", value, decimals);
+}
+
+std::string TableOf(const Json& rows, const std::vector<Column>& columns) {
+  std::vector<std::string> header;
+  std::vector<std::vector<std::string>> cells(rows.size());
+  for (const Column& column : columns) {
+    header.push_back(column.title);
+    for (std::size_t i = 0; i < rows.size(); ++i) cells[i].push_back(Cell(rows[i], column, "-"));
+  }
+  return FormatTable(header, cells);
+}
+
+std::string CsvOf(const Json& rows, const std::vector<Column>& columns) {
+  std::vector<std::string> fields;
+  for (const Column& column : columns) fields.push_back(column.title);
+  std::string csv = Join(fields, ",") + '\n';
+  for (const Json& row : rows) {
+    fields.clear();
+    for (const Column& column : columns) fields.push_back(CsvField(Cell(row, column, "")));
+    csv += Join(fields, ",") + '\n';
+  }
+  return csv;
+}
+
+std::string PathText(const std::filesystem::path& path) { return ToDisplayText(path.string()); }
+
+void ReportSkipped(const std::vector<SkippedFile>& skipped) {
+  for (const SkippedFile& s : skipped) Message("skipped {}: {}", s.file, s.reason);
+}
+
+Json SkippedJson(const std::vector<SkippedFile>& skipped) {
+  Json list = Json::array();
+  for (const SkippedFile& s : skipped) {
+    list.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
+  }
+  return list;
 }
 
 std::string FormatTime(std::int64_t unix_ms) { return FormatUtc(unix_ms, "%Y-%m-%d %H:%M:%S"); }

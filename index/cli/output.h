@@ -4,12 +4,18 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
+
+#include <fmt/format.h>
 
 #include "descriptor/base/error.h"
 #include "index/engine/engine.h"
+#include "index/files/image_files.h"
 #include "index/json/json.h"
 
 namespace pliant::cli {
@@ -29,24 +35,58 @@ inline ExitStatus ToExitStatus(ErrorCode code) {
 void Print(std::string_view text);     // a line on standard output
 void PrintJson(const Json& document);  // the same
 void Message(std::string_view text);   // a line on standard error
-// The place of a file that is called "-". To be called before the work whose result is written:
-// from then on Print writes to standard error. `flag` is for the message. Throws kInvalidArgument
-// "output_taken" where another file or a JSON document (`json`) goes there too, or it is a
-// terminal.
+
+// The same with values in the text: Print("found {} of {}", found, all).
+template <typename First, typename... Rest>
+void Print(fmt::format_string<First, Rest...> text, First&& first, Rest&&... rest) {
+  Print(fmt::format(text, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <typename First, typename... Rest>
+void Message(fmt::format_string<First, Rest...> text, First&& first, Rest&&... rest) {
+  Message(fmt::format(text, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+
+// Claims standard output for a file that is called "-". Call it before the work whose result is
+// written: from then on Print writes to standard error. `flag` is for the message. Throws
+// kInvalidArgument "output_taken" if another file or a JSON document (`json`) goes there too, or if
+// standard output is a terminal.
 void ClaimStandardOutput(std::string_view flag, bool json);
 void FlushOutput();  // throws kNoSpace when standard output cannot be written
 // "pliant: what" on standard error and, when `json`, {"error": {"code", "message"}} on standard
 // output.
 void ReportError(const Error& error, bool json);
 
+// "skipped a.png: ..." on standard error.
+void ReportSkipped(const std::vector<SkippedFile>& skipped);
+Json SkippedJson(const std::vector<SkippedFile>& skipped);  // [{"file", "code", "reason"}]
+
+std::string PathText(const std::filesystem::path& path);  // for messages and JSON
+std::string FormatTime(std::int64_t unix_ms);             // "2025-01-31 13:45:10" UTC
+std::string FormatFixed(double value, int decimals);
+// A field of a CSV file (RFC 4180): in quotes if it has a comma, a quote or a line break.
+std::string CsvField(const std::string& text);
+
 // Columns as wide as their widest cell (in code points); numeric columns are right-aligned.
 std::string FormatTable(const std::vector<std::string>& header,
                         const std::vector<std::vector<std::string>>& rows);
 
-std::string FormatTime(std::int64_t unix_ms);  // "2025-01-31 13:45:10" UTC
-std::string FormatFixed(double value, int decimals);
-// A field of a CSV file (RFC 4180): in quotes where it has a comma, a quote or a line break.
-std::string CsvField(const std::string& text);
+// How a report in JSON is written as a table or as CSV: a field of its rows, by JSON pointer
+// ("/spread/map"), the title of its column, and the decimals of fractions.
+struct Column {
+  std::string field;
+  std::string title;
+  int decimals = 3;
+};
+
+// `rows`: a list of objects. A null is "-".
+std::string TableOf(const Json& rows, const std::vector<Column>& columns);
+// A line of titles, then one line per row. A null is empty.
+std::string CsvOf(const Json& rows, const std::vector<Column>& columns);
+
+template <typename Value>
+Json OrNull(const std::optional<Value>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
 
 // VocabularyJson, and with the names that the command line gave first: "created_ms" and
 // "origin": {"method", "seed", "sampled", "available", "loss"}.

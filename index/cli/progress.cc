@@ -6,57 +6,49 @@
 #include <cmath>
 #include <iostream>
 
+#include <fmt/format.h>
 #include <unistd.h>
-
-#include "index/cli/output.h"
 
 namespace pliant::cli {
 namespace {
 
-constexpr auto kInterval = std::chrono::milliseconds(200);
+constexpr double kIntervalMs = 200;
 
+// "1:05:09 left"
 std::string TimeLeft(double seconds) {
   const auto left = static_cast<std::int64_t>(std::ceil(std::min(seconds, 1e7)));
-  const auto two = [](std::int64_t n) { return (n < 10 ? "0" : "") + std::to_string(n); };
-  const std::string minutes = left >= 3600 ? std::to_string(left / 3600) + ":" + two(left / 60 % 60)
-                                           : std::to_string(left / 60);
-  return minutes + ":" + two(left % 60) + " left";
+  if (left < 3600) return fmt::format("{}:{:02} left", left / 60, left % 60);
+  return fmt::format("{}:{:02}:{:02} left", left / 3600, left / 60 % 60, left % 60);
+}
+
+// "  120/1000 images  12 %  8.0/s  1:50 left". `total` 0: no line.
+std::string ProgressLine(const std::string& unit, std::uint64_t done, std::uint64_t total,
+                         double seconds) {
+  if (total == 0) return {};
+  const std::string line = fmt::format("  {}/{} {}  {} %", done, total, unit, 100 * done / total);
+  if (done == 0 || seconds <= 0) return line;
+  const double rate = static_cast<double>(done) / seconds;
+  return fmt::format("{}  {:.{}f}/s  {}", line, rate, rate < 100 ? 1 : 0,
+                     TimeLeft(static_cast<double>(total - done) / rate));
+}
+
+// "  training the vocabulary  45 %  0:12 left"
+std::string ShareLine(const std::string& what, double share, double seconds) {
+  const std::string line = fmt::format("  {}  {:.0f} %", what, std::floor(100 * share));
+  return share <= 0.02 ? line : line + "  " + TimeLeft(seconds * (1 - share) / share);
 }
 
 }  // namespace
 
-std::string ProgressLine(const std::string& unit, std::uint64_t done, std::uint64_t total,
-                         double seconds) {
-  if (total == 0) return {};
-  std::string line = "  " + std::to_string(done) + "/" + std::to_string(total) + " " + unit + "  " +
-                     std::to_string(100 * done / total) + " %";
-  if (done == 0 || seconds <= 0) return line;
-  const double rate = static_cast<double>(done) / seconds;
-  return line + "  " + FormatFixed(rate, rate < 100 ? 1 : 0) + "/s  " +
-         TimeLeft(static_cast<double>(total - done) / rate);
-}
-
-std::string ShareLine(const std::string& what, double share, double seconds) {
-  std::string line = "  " + what + "  " + FormatFixed(std::floor(100 * share), 0) + " %";
-  if (share <= 0.02) return line;
-  return line + "  " + TimeLeft(seconds * (1 - share) / share);
-}
-
 Progress::Progress(std::string unit)
-    : unit_(std::move(unit)),
-      enabled_(::isatty(STDERR_FILENO) == 1),
-      start_(std::chrono::steady_clock::now()) {}
+    : unit_(std::move(unit)), enabled_(::isatty(STDERR_FILENO) == 1) {}
 
 Progress::~Progress() { Clear(); }
 
-double Progress::Seconds() const {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-}
-
 bool Progress::IsDue() {
-  const auto now = std::chrono::steady_clock::now();
-  if (!enabled_ || now - shown_ < kInterval) return false;
-  shown_ = now;
+  const double now = watch_.ms();
+  if (!enabled_ || now - shown_ms_ < kIntervalMs) return false;
+  shown_ms_ = now;
   return true;
 }
 
@@ -68,12 +60,12 @@ void Progress::Show(const std::string& line) {
 
 void Progress::Count(std::uint64_t done, std::uint64_t total) {
   const std::lock_guard lock(mutex_);
-  if (IsDue()) Show(ProgressLine(unit_, done, total, Seconds()));
+  if (IsDue()) Show(ProgressLine(unit_, done, total, watch_.seconds()));
 }
 
 void Progress::Share(double share) {
   const std::lock_guard lock(mutex_);
-  if (IsDue()) Show(ShareLine(unit_, share, Seconds()));
+  if (IsDue()) Show(ShareLine(unit_, share, watch_.seconds()));
 }
 
 void Progress::Clear() {

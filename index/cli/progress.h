@@ -4,18 +4,13 @@
 // terminal.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <mutex>
 #include <string>
 
-namespace pliant::cli {
+#include "descriptor/base/stopwatch.h"
 
-// "  120/1000 images  12 %  8.0/s  1:50 left". `total` 0: no line.
-std::string ProgressLine(const std::string& unit, std::uint64_t done, std::uint64_t total,
-                         double seconds);
-// "  training the vocabulary  45 %  0:12 left"
-std::string ShareLine(const std::string& what, double share, double seconds);
+namespace pliant::cli {
 
 // Thread-safe.
 class Progress {
@@ -31,14 +26,13 @@ class Progress {
 
  private:
   bool IsDue();
-  double Seconds() const;
   void Show(const std::string& line);
 
   const std::string unit_;
   const bool enabled_;
-  const std::chrono::steady_clock::time_point start_;
+  const Stopwatch watch_;
   std::mutex mutex_;  // guards the rest
-  std::chrono::steady_clock::time_point shown_;
+  double shown_ms_ = -1e9;
   std::size_t width_ = 0;
 };
 

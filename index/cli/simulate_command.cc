@@ -5,6 +5,7 @@
 
 #include "descriptor/simulation/simulate.h"
 #include "index/cli/command.h"
+#include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
@@ -20,12 +21,12 @@ struct Options {
 void PrintReport(const Options& options, const SimulateReport& report) {
   const double rate =
       report.seconds > 0.0 ? static_cast<double>(report.images) / report.seconds : 0.0;
-  for (const auto& [file, reason] : report.skipped) Message("skipped " + file + ": " + reason);
+  Json skipped = Json::array();
+  for (const auto& [file, reason] : report.skipped) {
+    Message("skipped {}: {}", file, reason);
+    skipped.push_back({{"file", file}, {"reason", reason}});
+  }
   if (options.json) {
-    Json skipped = Json::array();
-    for (const auto& [file, reason] : report.skipped) {
-      skipped.push_back({{"file", file}, {"reason", reason}});
-    }
     PrintJson({{"scenes", report.scenes},
                {"unchanged", report.unchanged},
                {"images", report.images},
@@ -37,14 +38,13 @@ void PrintReport(const Options& options, const SimulateReport& report) {
                {"seconds", report.seconds}});
     return;
   }
-  Print("made " + std::to_string(report.scenes) + " scenes (" + std::to_string(report.images) +
-        " images) from " + std::to_string(report.textures) + " textures in " +
-        FormatFixed(report.seconds, 1) + " s, " + FormatFixed(rate, 1) + " images/s; " +
-        std::to_string(report.unchanged) + " scenes existed already");
+  Print(
+      "made {} scenes ({} images) from {} textures in {:.1f} s, {:.1f} images/s; {} scenes existed "
+      "already",
+      report.scenes, report.images, report.textures, report.seconds, rate, report.unchanged);
   if (report.images > 0) {
-    Print("residual stretch of the cloth (95th percentile): " +
-          FormatFixed(100.0 * report.mean_stretch, 2) + " % on average, " +
-          FormatFixed(100.0 * report.worst_stretch, 2) + " % at worst");
+    Print("residual stretch of the cloth (95th percentile): {:.2f} % on average, {:.2f} % at worst",
+          100.0 * report.mean_stretch, 100.0 * report.worst_stretch);
   }
 }
 
@@ -75,42 +75,34 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
       ->required()
       ->type_name("DIR");
   app->add_option("--out,-o", simulate.out, "folder for the scenes")->required()->type_name("DIR");
-  app->add_option("--preset", simulate.preset,
-                  "pairs, objects, sequence, rotation, scale, planar or street")
-      ->capture_default_str()
-      ->check(OneOf({"pairs", "objects", "sequence", "rotation", "scale", "planar", "street"}))
-      ->type_name("NAME");
-  app->add_option("--format", simulate.format,
-                  "tensors (for training) or folders; auto: tensors for pairs, else folders")
-      ->capture_default_str()
-      ->check(OneOf({"auto", "tensors", "folders"}))
-      ->type_name("NAME");
-  app->add_option("--scenes", simulate.scenes, "number of scenes, or objects")
-      ->capture_default_str();
-  app->add_option("--first", simulate.first, "number of the first scene")->capture_default_str();
+  const auto choose = [app](const char* name, std::string& value, const std::string& help,
+                            std::vector<std::string> words) {
+    app->add_option(name, value, help)->check(OneOf(std::move(words)))->type_name("NAME");
+  };
+  choose("--preset", simulate.preset, "pairs, objects, sequence, rotation, scale, planar or street",
+         {"pairs", "objects", "sequence", "rotation", "scale", "planar", "street"});
+  choose("--format", simulate.format,
+         "tensors (for training) or folders; auto: tensors for pairs, else folders",
+         {"auto", "tensors", "folders"});
+  app->add_option("--scenes", simulate.scenes, "number of scenes, or objects");
+  app->add_option("--first", simulate.first, "number of the first scene");
   app->add_option("--distractors", simulate.distractors,
-                  "preset objects: further objects without a reference")
-      ->capture_default_str();
+                  "preset objects: further objects without a reference");
   app->add_option("--views", simulate.views,
-                  "images per scene, including the reference; 0 = the preset's default")
-      ->capture_default_str();
-  app->add_option("--width", simulate.width, "of each image, in pixels")->capture_default_str();
-  app->add_option("--height", simulate.height, "of each image, in pixels")->capture_default_str();
-  app->add_flag("--colour", simulate.colour, "colour images instead of grey ones");
-  app->add_option("--strength", simulate.strength, "of deformation, light and noise, (0, 1]")
-      ->capture_default_str();
-  app->add_option("--occluders", simulate.occluders, "probability that a part of a view is covered")
-      ->capture_default_str();
+                  "images per scene, including the reference; 0 = the default of the preset");
+  app->add_option("--width", simulate.width, "of each image, in pixels");
+  app->add_option("--height", simulate.height, "of each image, in pixels");
+  app->add_flag("--colour", simulate.colour, "render in colour instead of grey");
+  app->add_option("--strength", simulate.strength, "of deformation, light and noise, (0, 1]");
+  app->add_option("--occluders", simulate.occluders,
+                  "probability that a part of a view is covered");
   app->add_option("--turn", simulate.turn_deg,
-                  "preset sequence: maximum rotation of the camera about its axis, in degrees")
-      ->capture_default_str();
+                  "preset sequence: maximum rotation of the camera about its axis, in degrees");
   app->add_option("--least-scale", simulate.least_scale,
-                  "preset sequence: smallest scale of the object at the end, 0.1 to 1")
-      ->capture_default_str();
-  app->add_option("--seed", simulate.seed, "same seed, same scenes")->capture_default_str();
-  app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one per core")
-      ->capture_default_str();
-  app->add_flag("--json", options->json, "print one JSON document");
+                  "preset sequence: smallest scale of the object at the end, 0.1 to 1");
+  app->add_option("--seed", simulate.seed, "same seed, same scenes");
+  app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one per core");
+  AddJsonFlag(*app, options->json);
   app->footer(
       "Example:  pliant simulate --textures procedural --out scenes --preset objects --scenes 3");
   app->callback([options, &status] { status = Run(*options); });

@@ -1,9 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant track REFERENCE VIDEO|DIR
-#include <array>
 #include <cctype>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -28,34 +26,16 @@
 namespace pliant::cli {
 namespace {
 
-// The output images of `pliant track`.
-//
-// A video, or a folder of JPEG files frame_NNNNNN.jpg, depending on the name of `out`.
-class TrackOutput {
- public:
-  // `frames_per_second` of the written frames. Throws kNoSpace "file_unwritable".
-  TrackOutput(const std::filesystem::path& out, double frames_per_second);
-
-  void Write(const TrackedFrame& tracked, const PixelBox& box);
-  void Close();
-
- private:
-  std::filesystem::path out_;
-  double frames_per_second_;
-  bool video_;
-  std::unique_ptr<VideoWriter> writer_;  // made with the first frame, when the size is known
-};
-
 namespace fs = std::filesystem;
 
 [[noreturn]] void FailToWrite(const fs::path& path) {
   throw Error(ErrorCode::kNoSpace, "file_unwritable",
-              path.string() + " cannot be written; is the folder there and writable?");
+              path.string() + " cannot be written; does the folder exist, and is it writable?");
 }
 
-// To be called before the work whose result is written. Throws kInvalidArgument "bad_video_name"
-// for a name that promises a file of another type (.gif), kNoSpace "file_unwritable" where a
-// video's folder is not there.
+// Call it before the work whose result is written. Throws kInvalidArgument "bad_video_name" for a
+// name that promises a file of another type (.gif), kNoSpace "file_unwritable" if a video's folder
+// does not exist.
 void CheckTrackOutName(const fs::path& out) {
   std::error_code ignored;
   if (HasVideoName(out)) {
@@ -68,37 +48,44 @@ void CheckTrackOutName(const fs::path& out) {
       extension.size() > 1 && std::isalpha(static_cast<unsigned char>(extension[1])) != 0;
   if (!promises || fs::is_directory(out, ignored)) return;
   throw Error(ErrorCode::kInvalidArgument, "bad_video_name",
-              ToDisplayText(out.string()) + ": " + ToDisplayText(extension) +
-                  " files are not written. Name a video (.mp4, .m4v, .mov, .mkv, .avi), or a "
-                  "folder for images; to a folder of this name add a slash");
+              fmt::format("{}: {} files cannot be written. Give the name of a video (.mp4, .m4v, "
+                          ".mov, .mkv, .avi) or of a folder for images; for a folder of this name "
+                          "add a slash",
+                          PathText(out), ToDisplayText(extension)));
 }
 
-TrackOutput::TrackOutput(const fs::path& out, double frames_per_second)
-    : out_(out), frames_per_second_(frames_per_second), video_(HasVideoName(out)) {
-  if (video_) return;
-  std::error_code failed;
-  fs::create_directories(out, failed);
-  if (failed || !fs::is_directory(out)) FailToWrite(out);
-}
+// The output of `pliant track`: a video, or a folder of JPEG files frame_NNNNNN.jpg, depending on
+// the name of `out`.
+class TrackOutput {
+ public:
+  // `frames_per_second` of the written frames. Throws kNoSpace "file_unwritable".
+  TrackOutput(const fs::path& out, double frames_per_second)
+      : out_(out), frames_per_second_(frames_per_second) {
+    if (HasVideoName(out)) return;
+    std::error_code failed;
+    fs::create_directories(out, failed);
+    if (failed || !fs::is_directory(out)) FailToWrite(out);
+  }
 
-void TrackOutput::Write(const TrackedFrame& tracked, const PixelBox& box) {
-  const Image image = DrawTracked(tracked, box);
-  if (video_) {
+  void Write(const TrackedFrame& tracked, const PixelBox& box) {
+    const Image image = DrawTracked(tracked, box);
+    if (!HasVideoName(out_)) {
+      return WriteImage(out_ / fmt::format("frame_{:06}.jpg", tracked.frame.number), image);
+    }
     if (!writer_) {
       writer_ = std::make_unique<VideoWriter>(out_, image.width, image.height, frames_per_second_);
     }
     writer_->Write(image);
-    return;
   }
-  std::array<char, 48> name{};
-  std::snprintf(name.data(), name.size(), "frame_%06lld.jpg",
-                static_cast<long long>(tracked.frame.number));
-  WriteImage(out_ / name.data(), image);
-}
+  void Close() {
+    if (writer_) writer_->Close();
+  }
 
-void TrackOutput::Close() {
-  if (writer_) writer_->Close();
-}
+ private:
+  fs::path out_;
+  double frames_per_second_;
+  std::unique_ptr<VideoWriter> writer_;  // of a video; made with the first frame, whose size it has
+};
 
 constexpr double kFolderRate = 25;  // frames a second of a video made of a folder's images
 
@@ -131,9 +118,7 @@ Tracker MakeTracker(Options& options) {
   const DecodeOptions& decode = options.engine.extraction.decode;
   const Image reference = Decode(options.reference, decode, true);
   if (!options.mask.empty()) options.tracker.mask = Decode(options.mask, decode, false);
-  const std::string name =
-      options.engine.descriptor.empty() ? EngineOptions{}.descriptor : options.engine.descriptor;
-  return {MakeDescriptor(name, options.engine.descriptor_options), reference, options.tracker};
+  return {NamedDescriptor(options.engine), reference, options.tracker};
 }
 
 Json FrameJson(const TrackedFrame& tracked) {
@@ -152,19 +137,14 @@ void PrintFrame(const TrackedFrame& tracked, bool as_json) {
     FlushOutput();  // a line a frame, as they come
     return;
   }
-  Print(Caption(tracked) + (tracked.location.found
-                                ? "  " + FormatFixed(100 * tracked.location.inlier_rate(), 0) + " %"
-                                : ""));
+  const double rate = 100 * tracked.location.inlier_rate();
+  Print(Caption(tracked) + (tracked.location.found ? fmt::format("  {:.0f} %", rate) : ""));
 }
 
 void PrintSummary(const Options& options, const Tracker& tracker, const TrackSummary& summary,
                   const FrameSource& source, bool interrupted) {
-  for (const SkippedFrame& s : source.skipped()) Message("skipped " + s.file + ": " + s.reason);
+  ReportSkipped(source.skipped());
   if (options.json) {
-    Json skipped = Json::array();
-    for (const SkippedFrame& s : source.skipped()) {
-      skipped.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
-    }
     const PixelBox& box = tracker.box();
     PrintJson({{"summary",
                 {{"frames", summary.frames},
@@ -177,13 +157,12 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
                   {{"region", {box.x, box.y, box.width, box.height}},
                    {"keypoints", tracker.features().keypoints.size()}}},
                  {"interrupted", interrupted},
-                 {"skipped", std::move(skipped)}}}});
+                 {"skipped", SkippedJson(source.skipped())}}}});
     return;
   }
-  Print("found in " + std::to_string(summary.found) + " of " + std::to_string(summary.frames) +
-        " frames; inlier rate " + FormatFixed(100 * summary.inlier_rate, 1) + " %; " +
-        FormatFixed(summary.frames_per_second, 2) + " frames/s" +
-        (interrupted ? "; interrupted" : ""));
+  Print("found in {} of {} frames; inlier rate {:.1f} %; {:.2f} frames/s{}", summary.found,
+        summary.frames, 100 * summary.inlier_rate, summary.frames_per_second,
+        interrupted ? "; interrupted" : "");
 }
 
 ExitStatus Run(Options& options) {
@@ -222,7 +201,7 @@ ExitStatus Run(Options& options) {
   }
   if (output) output->Close();
   if (sheet) {
-    WriteImage(options.sheet, sheet->Draw(ToDisplayText(options.input.filename().string()) + ", " +
+    WriteImage(options.sheet, sheet->Draw(PathText(options.input.filename()) + ", " +
                                           tracker.features().model_id));
   }
   PrintSummary(options, tracker, summary, *source, interrupt.requested());
@@ -247,20 +226,14 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("FILE");
   app->add_option(
          "--out,-o", options->out,
-         "draw the mesh over each frame and the flattened object beside it: a video (.mp4, .mkv, "
-         ".avi) or a folder for images; other files (.gif) are not written")
+         "draw the mesh over each frame and the flattened object beside it: a video (.mp4, "
+         ".mkv, .avi) or a folder for images; no other types (.gif)")
       ->type_name("OUT.mp4|DIR");
   app->add_option("--sheet", options->sheet, "draw a contact sheet of twelve frames")
       ->type_name("OUT.png");
-  app->add_option("--every", options->frames.every, "use every N-th frame only")
-      ->capture_default_str()
-      ->check(Between(1, 1'000'000));
-  AddTrackingFlags(*app, options->tracker.locate);
+  AddTrackingFlags(*app, options->frames.every, options->tracker.locate);
   AddExtractionFlags(*app, options->engine);
-  app->add_option("--jobs,-j", options->tracker.threads,
-                  "threads that describe a frame; 0 = one per core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
+  AddJobsFlag(*app, options->tracker.threads, "threads that describe a frame");
   app->add_flag("--json", options->json, "print one line of JSON per frame, then a summary");
   app->footer("Example:  pliant track POSTER.jpg VIDEO.mp4 --out tracked.mp4");
   app->callback([options, &status] { status = Run(*options); });

@@ -48,12 +48,10 @@ ExitStatus Train(Options& options) {
     PrintJson(VocabularyDocument(record));
     return ExitStatus::kDone;
   }
-  Print("vocabulary " + std::to_string(record.id) + ": " + std::to_string(record.words) +
-        " words from " + std::to_string(record.origin.sampled) + " of " +
-        std::to_string(record.origin.available) + " descriptors, mean distance " +
-        FormatFixed(record.origin.loss, 4));
+  Print("vocabulary {}: {} words from {} of {} descriptors, mean distance {:.4f}", record.id,
+        record.words, record.origin.sampled, record.origin.available, record.origin.loss);
   if (!record.active) {
-    Print("it is not in use yet: pliant vocab use " + std::to_string(record.id) + " --db " +
+    Print("it is not in use yet: pliant vocab use {} --db {}", record.id,
           options.engine.database.string());
   }
   return ExitStatus::kDone;
@@ -61,25 +59,27 @@ ExitStatus Train(Options& options) {
 
 ExitStatus List(Options& options) {
   Engine engine = OpenEngine(options, true);
-  const std::vector<VocabularyRecord> records = engine.ListVocabularies(options.train.collection);
+  Json rows = Json::array();
+  for (const VocabularyRecord& record : engine.ListVocabularies(options.train.collection)) {
+    rows.push_back(VocabularyDocument(record));
+    if (options.json) continue;
+    rows.back()["state"] = record.active ? "in use" : "";
+    rows.back()["trained"] = FormatTime(record.created_ms);
+  }
   if (options.json) {
-    Json all = Json::array();
-    for (const VocabularyRecord& record : records) all.push_back(VocabularyDocument(record));
-    PrintJson({{"vocabularies", std::move(all)}});
-    return ExitStatus::kDone;
-  }
-  if (records.empty()) {
-    Print("no vocabulary yet; make one: pliant vocab train --db " +
+    PrintJson({{"vocabularies", std::move(rows)}});
+  } else if (rows.empty()) {
+    Print("no vocabulary yet; train one: pliant vocab train --db {}",
           options.engine.database.string());
-    return ExitStatus::kDone;
+  } else {
+    Print(TableOf(rows, {{"/id", "id"},
+                         {"/state", "state"},
+                         {"/words", "words"},
+                         {"/origin/sampled", "sampled"},
+                         {"/origin/seed", "seed"},
+                         {"/origin/loss", "mean distance", 4},
+                         {"/trained", "trained (UTC)"}}));
   }
-  std::vector<std::vector<std::string>> rows;
-  for (const VocabularyRecord& r : records) {
-    rows.push_back({std::to_string(r.id), r.active ? "in use" : "", std::to_string(r.words),
-                    std::to_string(r.origin.sampled), std::to_string(r.origin.seed),
-                    FormatFixed(r.origin.loss, 4), FormatTime(r.created_ms)});
-  }
-  Print(FormatTable({"id", "", "words", "sampled", "seed", "mean distance", "made (UTC)"}, rows));
   return ExitStatus::kDone;
 }
 
@@ -89,7 +89,7 @@ ExitStatus Use(Options& options) {
   if (options.json) {
     PrintJson({{"vocabulary", options.id}});
   } else {
-    Print("vocabulary " + std::to_string(options.id) + " is in use");
+    Print("vocabulary {} is in use", options.id);
   }
   return ExitStatus::kDone;
 }
@@ -108,7 +108,7 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
     CLI::App* sub = app->add_subcommand(name, help);
     AddDatabaseFlag(*sub, options->engine);
     AddCollectionFlag(*sub, options->train.collection);
-    sub->add_flag("--json", options->json, "print one JSON document");
+    AddJsonFlag(*sub, options->json);
     sub->footer("Example:  pliant vocab " + example);
     sub->callback([=, &status] { status = run(*options); });
     return sub;
@@ -117,19 +117,14 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* train = add("train", "Train a new vocabulary on the stored images", Train,
                         "train --db my.db --words 4000 --use");
   train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
-      ->capture_default_str()
       ->check(Between(0, static_cast<int>(kMaxWords)));
   train
       ->add_option("--sample", options->train.sample,
-                   "descriptors drawn at random; 0 = 40000, or ten per word if --words is given "
-                   "(10000 at least)")
-      ->capture_default_str()
+                   "descriptors drawn at random; 0 = 40000, or with --words ten per word, at least "
+                   "10000")
       ->check(Between(0, static_cast<int>(kMaxVocabularySamples)));
-  train->add_option("--seed", options->train.seed, "same seed and images, same vocabulary")
-      ->capture_default_str();
-  train->add_option("--jobs,-j", options->train.threads, "threads; 0 = one per core")
-      ->capture_default_str()
-      ->check(Between(0, 1024));
+  train->add_option("--seed", options->train.seed, "same seed and images, same vocabulary");
+  AddJobsFlag(*train, options->train.threads);
   train->add_flag("--use", options->use_at_once, "activate it when it is ready");
 
   add("list", "List the vocabularies", List, "list --db my.db");

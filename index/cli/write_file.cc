@@ -3,11 +3,8 @@
 #include "index/cli/write_file.h"
 
 #include <cerrno>
-#include <cstdint>
 #include <fstream>
 #include <iostream>
-#include <string>
-#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -17,17 +14,17 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/replace_file.h"
-#include "index/files/text.h"
+#include "index/cli/output.h"
 
 namespace pliant::cli {
 namespace {
 
-std::filesystem::path TemporaryBeside(const std::filesystem::path& path) {
-  return path.string() + ".new-" + std::to_string(::getpid());
-}
-
 bool IsJpeg(const std::filesystem::path& file) {
   return file.extension() == ".jpg" || file.extension() == ".jpeg";
+}
+
+[[noreturn]] void FailToWrite(const std::filesystem::path& path, const std::string& why) {
+  throw Error(ErrorCode::kNoSpace, "write_failed", path.string() + why);
 }
 
 }  // namespace
@@ -38,8 +35,7 @@ void WriteFile(const std::filesystem::path& path, std::string_view content) {
     return;  // FlushOutput says whether it was possible
   }
   if (const std::error_code error = ReplaceFile(path, {&content, 1})) {
-    throw Error(ErrorCode::kNoSpace, "write_failed",
-                path.string() + " could not be written: " + error.message());
+    FailToWrite(path, " could not be written: " + error.message());
   }
 }
 
@@ -48,23 +44,26 @@ void CheckWritable(const std::filesystem::path& path) {
   std::error_code ignored;
   bool writable = false;
   if (!std::filesystem::is_directory(path, ignored)) {
-    const std::filesystem::path temporary = TemporaryBeside(path);
+    const std::filesystem::path temporary = TemporaryNameOf(path);
     writable = std::ofstream(temporary, std::ios::binary | std::ios::trunc).is_open();
     std::filesystem::remove(temporary, ignored);
   }
-  if (writable) return;
-  throw Error(ErrorCode::kNoSpace, "write_failed",
-              path.string() + " cannot be written; is the folder there and writable?");
+  if (!writable)
+    FailToWrite(path, " cannot be written; does the folder exist, and is it writable?");
+}
+
+void CheckOutput(const std::filesystem::path& path, std::string_view flag, bool json) {
+  if (path == kStandardOutput) ClaimStandardOutput(flag, json);
+  if (!path.empty()) CheckWritable(path);
 }
 
 void CheckNotInput(const std::filesystem::path& path,
                    std::initializer_list<std::filesystem::path> inputs) {
   for (const std::filesystem::path& input : inputs) {
-    std::error_code ignored;  // then one of them is not there
+    std::error_code ignored;  // then one of them does not exist
     if (!std::filesystem::equivalent(path, input, ignored)) continue;
     throw Error(ErrorCode::kInvalidArgument, "same_file",
-                ToDisplayText(path.string()) +
-                    " is an input, which would be overwritten; name another place for the result");
+                PathText(path) + " is an input, which would be overwritten; give another file");
   }
 }
 
@@ -82,8 +81,7 @@ NewFile::~NewFile() {
 }
 
 void NewFile::Fail(const std::string& why) const {
-  throw Error(ErrorCode::kNoSpace, "write_failed",
-              path_.string() + " could not be written: " + why);
+  FailToWrite(path_, " could not be written: " + why);
 }
 
 void NewFile::Write(std::uint64_t offset, std::string_view bytes) {

@@ -19,16 +19,19 @@ void WriteFile(const std::filesystem::path& path, std::string_view content);
 constexpr const char* kStandardOutput = "-";
 
 // Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
-// the path is a folder. To be called before the work whose result is written.
+// the path is a folder. Call it before the work whose result is written.
 void CheckWritable(const std::filesystem::path& path);
+// The same for the value of an option, which may be empty: none. Claims standard output for "-"
+// (ClaimStandardOutput).
+void CheckOutput(const std::filesystem::path& path, std::string_view flag, bool json);
 
-// Throws kInvalidArgument "same_file" where `path`, which is to be written, is an input: a file or
-// a folder, by whatever name. To be called before any work.
+// Throws kInvalidArgument "same_file" if `path`, which is to be written, is one of the inputs
+// (files or folders), under any name. Call it before any work.
 void CheckNotInput(const std::filesystem::path& path,
                    std::initializer_list<std::filesystem::path> inputs);
 
-// A file that is written a piece at a time, anywhere in it, and takes its place in one step. What
-// is not published leaves nothing. Throws kNoSpace "write_failed".
+// A file that is written in pieces, at any offset, and replaces the old one in one step (Publish).
+// Without it nothing is left. Throws kNoSpace "write_failed".
 class NewFile {
  public:
   explicit NewFile(std::filesystem::path path);
@@ -48,7 +51,7 @@ class NewFile {
 };
 
 // PNG or JPEG, by file name; "-", standard output, is PNG. Throws kInvalidArgument
-// "bad_image_name" for another extension; to be called before the work whose result is written.
+// "bad_image_name" for another extension. Call it before the work whose result is written.
 void CheckImageName(const std::filesystem::path& file);
 
 // Atomically replaces the file. Throws what CheckImageName and WriteFile throw.

@@ -17,8 +17,6 @@
 #include "index/engine/search_run.h"
 #include "index/files/text.h"
 #include "index/store/blob_codec.h"
-#include "index/verify/explain.h"
-#include "index/verify/features_subset.h"
 #include "index/verify/locate.h"
 #include "index/verify/verification.h"
 
@@ -157,11 +155,12 @@ void Conclude(const Features& query, const Features& reference, int threads,
   const Stopwatch watch;
   const VerificationResult result = Verifier(query, {.threads = threads}).Verify(reference);
   comparison->verify_ms += watch.ms();
-  comparison->explanation = Explain(query, reference, result);
+  comparison->explanation = ExplainInstances(query, reference, result).front();
   comparison->explanation.ranking_score = kNoResemblance;
   comparison->outline.clear();
   for (const Vec2 p : result.outline) comparison->outline.push_back({p.x, p.y});
-  const double evidence = Evidence(result.independent, InliersByChance(query.keypoints.size()));
+  const double evidence =
+      Evidence(result.effective_inliers, InliersByChance(query.keypoints.size()));
   comparison->probability = Probability(LiftScore(kNoResemblance, evidence));
 }
 

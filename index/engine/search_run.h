@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "index/rank/memory_ranker.h"
-#include "index/rank/ranker.h"
+#include "index/rank/ranking.h"
 #include "index/records/search.h"
 #include "index/store/catalogue.h"
 #include "index/verify/rerank.h"

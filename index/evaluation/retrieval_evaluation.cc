@@ -31,9 +31,9 @@ constexpr std::size_t kKeyDigits = 12;
 }
 
 void Validate(const RetrievalOptions& options) {
-  if (options.descriptors.empty()) ThrowInvalid("descriptors", "must name one at least");
-  if (options.protocols.empty()) ThrowInvalid("protocols", "must name one at least");
-  if (options.words.empty()) ThrowInvalid("words", "must name one size at least");
+  if (options.descriptors.empty()) ThrowInvalid("descriptors", "must have one or more names");
+  if (options.protocols.empty()) ThrowInvalid("protocols", "must have one or more names");
+  if (options.words.empty()) ThrowInvalid("words", "must have one or more sizes");
   if (options.seeds < 1) ThrowInvalid("seeds", "must be 1 or more");
   if (options.sample < 0) ThrowInvalid("sample", "must not be negative");
   if (options.jobs < 0) ThrowInvalid("jobs", "must not be negative");
@@ -42,11 +42,11 @@ void Validate(const RetrievalOptions& options) {
   }
 }
 
-// Where the databases lie: a folder that stays, locked since two evaluations would exchange their
-// galleries under each other's searches; or one that goes with this object.
-class Workplace {
+// The folder of the databases: one that stays, locked because two evaluations would overwrite each
+// other's galleries; or a temporary one, removed with this object.
+class DatabaseFolder {
  public:
-  explicit Workplace(const fs::path& cache) : path_(cache), stays_(!cache.empty()) {
+  explicit DatabaseFolder(const fs::path& cache) : path_(cache), stays_(!cache.empty()) {
     std::error_code error;
     if (stays_) {
       fs::create_directories(path_, error);
@@ -55,23 +55,21 @@ class Workplace {
       return;
     }
     std::string name = (fs::temp_directory_path() / "pliant-eval-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      path_ = name;
-      Fail(std::generic_category().message(errno));
-    }
+    const bool made = ::mkdtemp(name.data()) != nullptr;
     path_ = name;
+    if (!made) Fail(std::generic_category().message(errno));
   }
-  ~Workplace() {
+  ~DatabaseFolder() {
     if (folder_ >= 0) ::close(folder_);
-    std::error_code ignored;  // what stays behind in the system's folder for that harms nobody
+    std::error_code ignored;  // the system cleans its temporary folder
     if (!stays_) fs::remove_all(path_, ignored);
   }
-  Workplace(const Workplace&) = delete;
-  Workplace& operator=(const Workplace&) = delete;
+  DatabaseFolder(const DatabaseFolder&) = delete;
+  DatabaseFolder& operator=(const DatabaseFolder&) = delete;
 
   bool stays() const { return stays_; }
 
-  // One file for all that would be described alike.
+  // One file for each way to describe images.
   fs::path Database(const DescriptorInfo& info, const ExtractionOptions& extraction,
                     bool enlarge) const {
     const std::string what = info.model_id + '/' + std::to_string(extraction.decode.max_side_px) +
@@ -92,7 +90,7 @@ class Workplace {
     ::close(folder_);
     if (error != EWOULDBLOCK) Fail(std::generic_category().message(error));
     throw Error(ErrorCode::kConflict, "cache_in_use",
-                "another evaluation works in " + ToDisplayText(path_.string()) +
+                "another evaluation is running in " + ToDisplayText(path_.string()) +
                     "; wait until it ends, or give another folder");
   }
 
@@ -121,7 +119,7 @@ SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions
   return search;
 }
 
-// One descriptor, protocols that describe images alike, all vocabularies.
+// One descriptor and one way to describe images, with all vocabularies.
 class Run {
  public:
   Run(RetrievalGallery& gallery, std::string descriptor, const RetrievalOptions& options)
@@ -130,19 +128,9 @@ class Run {
     gallery_.TimeExtraction(&extraction_);
   }
 
-  void MeasurePaper(std::vector<RetrievalResult>* results) {
-    MeasureWith(kPaperWords, kPaperSample, {RetrievalProtocol::kPaper}, results);
-  }
-
-  void MeasureProduct(const std::vector<RetrievalProtocol>& protocols,
-                      std::vector<RetrievalResult>* results) {
-    for (const int words : options_.words) MeasureWith(words, options_.sample, protocols, results);
-  }
-
- private:
   // Protocols that share their vocabularies.
-  void MeasureWith(int words, int sample, const std::vector<RetrievalProtocol>& protocols,
-                   std::vector<RetrievalResult>* results) {
+  void Measure(int words, int sample, const std::vector<RetrievalProtocol>& protocols,
+               std::vector<RetrievalResult>* results) {
     std::vector<RetrievalResult> rows(protocols.size());
     std::vector<std::vector<RetrievalMetrics>> runs(protocols.size());
     for (int seed = 1; seed <= options_.seeds; ++seed) {
@@ -150,8 +138,9 @@ class Run {
       const std::size_t size =
           gallery_.UseNewVocabulary(words, sample, static_cast<std::uint64_t>(seed));
       for (std::size_t p = 0; p < protocols.size(); ++p) {
-        Tell("asking with " + descriptor_ + ", " + ToString(protocols[p]) + ", seed", seed,
-             options_.seeds);
+        Tell("searching with " + descriptor_ + ", " + WordOf(protocols[p], kRetrievalProtocols) +
+                 ", seed",
+             seed, options_.seeds);
         const SearchOptions search = ToSearchOptions(protocols[p], options_);
         RetrievalTimes* const times = seed == 1 ? &rows[p].times : nullptr;
         const bool keeps = options_.keep_answers && seed == 1;
@@ -168,6 +157,7 @@ class Run {
     }
   }
 
+ private:
   static RetrievalMetrics MeasureAll(const std::vector<RetrievalAnswer>& answers) {
     std::vector<RetrievalMetrics> all;
     for (const RetrievalAnswer& answer : answers) all.push_back(MeasureAnswer(answer));
@@ -178,15 +168,14 @@ class Run {
   void Describe(RetrievalProtocol protocol, std::size_t words, const SearchOptions& search,
                 const RetrievalMetrics& by_image, RetrievalResult* row) {
     row->descriptor = descriptor_;
-    row->protocol = ToString(protocol);
+    row->protocol = WordOf(protocol, kRetrievalProtocols);
     row->words = words;
     row->times.decode = extraction_.decode;
     row->times.detect = extraction_.detect;
     row->times.describe = extraction_.describe;
     row->refused = gallery_.refused_queries();
     row->absent = gallery_.AskAbsent(search);
-    const auto& images = gallery_.set().images;
-    if (std::none_of(images.begin(), images.end(), [](const RetrievalImage& image) {
+    if (std::ranges::none_of(gallery_.set().images, [](const RetrievalImage& image) {
           return image.is_query && image.is_searched;
         })) {
       row->object = gallery_.several_images_of_an_object()
@@ -221,28 +210,15 @@ void DescribeSet(const RetrievalSet& set, RetrievalReport* report) {
     if (!image.object.empty()) objects.insert(image.object);
   }
   report->objects = objects.size();
-  for (const SkippedFile& file : set.skipped) {  // descriptors mostly skip the same
-    const bool known = std::any_of(report->skipped.begin(), report->skipped.end(),
-                                   [&](const SkippedFile& one) { return one.file == file.file; });
-    if (!known) report->skipped.push_back(file);
+  for (const SkippedFile& file : set.skipped) {  // most descriptors skip the same files
+    if (std::ranges::find(report->skipped, file.file, &SkippedFile::file) ==
+        report->skipped.end()) {
+      report->skipped.push_back(file);
+    }
   }
 }
 
 }  // namespace
-
-const char* ToString(RetrievalProtocol protocol) {
-  switch (protocol) {
-    case RetrievalProtocol::kPaper:
-      return "paper";
-    case RetrievalProtocol::kDefault:
-      return "default";
-    case RetrievalProtocol::kUnexpanded:
-      return "unexpanded";
-    case RetrievalProtocol::kUnverified:
-      return "unverified";
-  }
-  return "unknown";
-}
 
 RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOptions& options) {
   Validate(options);
@@ -251,7 +227,7 @@ RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOption
   for (const std::string& name : options.descriptors) {
     descriptors.push_back(MakeDescriptor(name, options.descriptor_options));
   }
-  const Workplace workplace(options.cache);
+  const DatabaseFolder folder(options.cache);
   RetrievalReport report;
   report.seeds = options.seeds;
   std::vector<RetrievalProtocol> product = options.protocols;
@@ -264,8 +240,8 @@ RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOption
     gallery_options.descriptor = descriptor;
     gallery_options.extraction = options.extraction;
     gallery_options.enlarge = enlarge;
-    gallery_options.database = workplace.Database(info, options.extraction, enlarge);
-    gallery_options.keep_features = workplace.stays();
+    gallery_options.database = folder.Database(info, options.extraction, enlarge);
+    gallery_options.keep_features = folder.stays();
     gallery_options.jobs = options.jobs;
     gallery_options.stop = options.stop;
     gallery_options.progress = [&](std::size_t done, std::size_t total) {
@@ -277,10 +253,17 @@ RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOption
     DescribeSet(gallery.set(), &report);
   };
   for (const auto& descriptor : descriptors) {
-    if (paper)
-      with_gallery(descriptor, false, [&](Run& run) { run.MeasurePaper(&report.results); });
+    if (paper) {
+      with_gallery(descriptor, false, [&](Run& run) {
+        run.Measure(kPaperWords, kPaperSample, {RetrievalProtocol::kPaper}, &report.results);
+      });
+    }
     if (product.empty()) continue;
-    with_gallery(descriptor, true, [&](Run& run) { run.MeasureProduct(product, &report.results); });
+    with_gallery(descriptor, true, [&](Run& run) {
+      for (const int words : options.words) {
+        run.Measure(words, options.sample, product, &report.results);
+      }
+    });
   }
   report.seconds = watch.seconds();
   return report;

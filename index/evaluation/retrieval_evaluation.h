@@ -25,7 +25,11 @@ enum class RetrievalProtocol {
   kUnexpanded,  // the default without expansion (`pliant query --expand 0`)
   kUnverified,  // the default without verification (`pliant query --verify none`)
 };
-const char* ToString(RetrievalProtocol protocol);
+inline const std::vector<std::pair<std::string, RetrievalProtocol>> kRetrievalProtocols = {
+    {"paper", RetrievalProtocol::kPaper},
+    {"default", RetrievalProtocol::kDefault},
+    {"unexpanded", RetrievalProtocol::kUnexpanded},
+    {"unverified", RetrievalProtocol::kUnverified}};
 
 struct RetrievalOptions {
   std::vector<std::string> descriptors = {"deal"};
@@ -39,7 +43,7 @@ struct RetrievalOptions {
   RankMethod rank = RankMethod::kNeighbours;  // of all protocols but the paper's
   std::size_t verify_depth = 0;               // as SearchOptions::verify_depth
   bool keep_answers = false;                  // in RetrievalResult::answers
-  int jobs = 0;                               // threads that describe images; 0 = one a core
+  int jobs = 0;                               // threads that describe images; 0 = one per core
   // Folder for databases that keep the features for the next run; empty: nothing is kept.
   std::filesystem::path cache;
   // The current step and its progress; `total` 0 = unknown. Called from any thread.

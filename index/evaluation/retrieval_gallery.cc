@@ -4,16 +4,18 @@
 
 #include <algorithm>
 #include <atomic>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <optional>
 #include <set>
+#include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/replace_file.h"
 #include "descriptor/base/sha256.h"
 #include "index/files/image_files.h"
 #include "index/files/text.h"
@@ -23,22 +25,6 @@ namespace pliant {
 namespace fs = std::filesystem;
 
 namespace {
-
-void Write(const std::vector<std::uint8_t>& bytes, const fs::path& path) {
-  std::error_code failed;
-  fs::create_directories(path.parent_path(), failed);
-  const fs::path unfinished = path.string() + ".new";
-  std::ofstream file(unfinished, std::ios::binary);
-  file.write(reinterpret_cast<const char*>(bytes.data()),
-             static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (file) fs::rename(unfinished, path, failed);
-  if (!file || failed) {
-    throw Error(ErrorCode::kNoSpace, "folder_unwritable",
-                "cannot write " + ToDisplayText(path.string()) +
-                    "; give a folder on a disk with room, which you may write to");
-  }
-}
 
 constexpr const char* kSearched = "gallery";  // collections
 constexpr const char* kQueries = "queries";
@@ -61,12 +47,12 @@ EngineOptions ToEngineOptions(const RetrievalGalleryOptions& options) {
 
 bool HasSeveralImagesOfAnObject(const RetrievalSet& set) {
   std::set<std::string> seen;
-  return std::any_of(set.images.begin(), set.images.end(), [&](const auto& image) {
+  return std::ranges::any_of(set.images, [&](const auto& image) {
     return image.is_searched && !image.object.empty() && !seen.insert(image.object).second;
   });
 }
 
-// The engine's own ids are the images' hashes; images with the same bytes are told apart here.
+// The engine's own ids are the images' hashes; images with the same bytes get a number here.
 void NumberRepeats(std::vector<std::string>* ids) {
   std::map<std::string, int> seen;
   for (std::string& id : *ids) {
@@ -77,28 +63,8 @@ void NumberRepeats(std::vector<std::string>* ids) {
 
 }  // namespace
 
-CloserLooks::CloserLooks(Engine* engine, fs::path folder)
-    : engine_(*engine), folder_(std::move(folder)) {}
-
-std::optional<Features> CloserLooks::Of(const std::string& id, const fs::path& file,
-                                        std::int64_t max_bytes, const Features& known) {
-  const fs::path kept = folder_ / id;
-  if (fs::exists(kept)) {
-    Features features = DecodeFeatures(ReadFile(kept, std::numeric_limits<std::int64_t>::max()));
-    features.model_id = known.model_id;
-    return features;
-  }
-  std::optional<Features> features =
-      engine_.DescribeFiner(ReadFile(file, max_bytes), known, /*threads=*/0);
-  if (features) Write(EncodeFeatures(*features), kept);
-  return features;
-}
-
 RetrievalGallery::RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options)
-    : set_(std::move(set)),
-      options_(std::move(options)),
-      engine_(ToEngineOptions(options_)),
-      closer_looks_(&engine_, options_.database.string() + ".closer") {
+    : set_(std::move(set)), options_(std::move(options)), engine_(ToEngineOptions(options_)) {
   for (const char* collection : {kSearched, kQueries}) {
     engine_.RemoveCollection(collection);
     engine_.CreateCollection(collection);
@@ -116,7 +82,7 @@ void RetrievalGallery::Fill() {
   const std::size_t total = set_.images.size();
   std::vector<std::optional<SkippedFile>> failures(total);
   std::vector<std::string> ids(total);
-  // Runs work(i, bytes) for each image that is still in; notes those that cannot be used.
+  // Runs work(i, bytes) for each image without a failure; keeps the failures.
   const auto for_each = [&](const auto& work) {
     ParallelFor(total, options_.jobs, [&](std::size_t i) {
       ThrowIfStopped();
@@ -159,7 +125,7 @@ void RetrievalGallery::Add(const RetrievalImage& image, const std::string& id, B
   request.bytes = bytes;
   request.id = id;
   request.as_query = !image.is_searched;
-  if (options_.keep_features) {  // the others then find the features there, by the same bytes
+  if (options_.keep_features) {  // the other collections find the features there, by the same bytes
     request.collection = kFeatures;
     engine_.Add(request);
   }
@@ -192,13 +158,35 @@ std::size_t RetrievalGallery::UseNewVocabulary(int words, int sample, std::uint6
 }
 
 // As Engine::Search does.
-SearchResult RetrievalGallery::Search(std::size_t image, const SearchOptions& search) {
+SearchResult RetrievalGallery::Search(std::size_t image, SearchOptions search) {
   ThrowIfStopped();
+  search.collection = kSearched;
   const Features features = engine_.GetFeatures(kQueries, ids_[image]);
-  return engine_.SearchFeatures(features, search, [&](ExtractionTimings*) {
-    return closer_looks_.Of(ids_[image], set_.images[image].path,
-                            options_.extraction.decode.max_bytes, features);
-  });
+  return engine_.SearchFeatures(features, search,
+                                [&](ExtractionTimings*) { return SecondPass(image, features); });
+}
+
+std::optional<Features> RetrievalGallery::SecondPass(std::size_t image, const Features& known) {
+  const fs::path kept = fs::path(options_.database.string() + ".closer") / ids_[image];
+  if (fs::exists(kept)) {
+    Features features = DecodeFeatures(ReadFile(kept, std::numeric_limits<std::int64_t>::max()));
+    features.model_id = known.model_id;
+    return features;
+  }
+  const auto bytes = ReadFile(set_.images[image].path, options_.extraction.decode.max_bytes);
+  std::optional<Features> features = engine_.DescribeFiner(bytes, known, /*threads=*/0);
+  if (!features) return features;
+  const std::vector<std::uint8_t> encoded = EncodeFeatures(*features);
+  const std::string_view text(reinterpret_cast<const char*>(encoded.data()), encoded.size());
+  std::error_code failed;
+  fs::create_directories(kept.parent_path(), failed);
+  if (!failed) failed = ReplaceFile(kept, {&text, 1});
+  if (failed) {
+    throw Error(ErrorCode::kNoSpace, "folder_unwritable",
+                "cannot write " + ToDisplayText(kept.string()) +
+                    "; give a writable folder on a disk with free space");
+  }
+  return features;
 }
 
 NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& hits) const {
@@ -216,7 +204,6 @@ NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& h
 
 std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, RetrievalTimes* times,
                                                    std::vector<NamedAnswer>* named) {
-  search.collection = kSearched;
   search.group_by = several_images_of_an_object_ ? GroupBy::kImage : GroupBy::kObject;
   search.limit = 0;
   std::vector<RetrievalAnswer> answers;
@@ -245,7 +232,6 @@ std::vector<RetrievalAnswer> RetrievalGallery::Ask(SearchOptions search, Retriev
 }
 
 ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search) {
-  search.collection = kSearched;
   search.limit = 0;
   ObjectAnswer mean;
   const double share = 1.0 / static_cast<double>(queries_.size());
@@ -262,7 +248,6 @@ ObjectAnswer RetrievalGallery::AskForObjects(SearchOptions search) {
 }
 
 AbsentAnswers RetrievalGallery::AskAbsent(SearchOptions search) {
-  search.collection = kSearched;
   search.limit = 1;
   AbsentAnswers answers;
   for (std::size_t i = 0; i < set_.images.size(); ++i) {
@@ -295,11 +280,16 @@ void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
   }
 }
 
-double RetrievalGallery::StoredBytesPerImage() {
+std::vector<std::string> RetrievalGallery::SearchedIds() const {
   std::vector<std::string> searched;
   for (std::size_t i = 0; i < ids_.size(); ++i) {
     if (set_.images[i].is_searched && !ids_[i].empty()) searched.push_back(ids_[i]);
   }
+  return searched;
+}
+
+double RetrievalGallery::StoredBytesPerImage() {
+  const std::vector<std::string> searched = SearchedIds();
   const std::size_t step = std::max<std::size_t>(1, searched.size() / kSizedImages);
   double bytes = 0;
   double images = 0;
@@ -312,11 +302,8 @@ double RetrievalGallery::StoredBytesPerImage() {
 }
 
 double RetrievalGallery::IndexBytesPerImage() {
-  double searched = 0;
-  for (std::size_t i = 0; i < ids_.size(); ++i) {
-    if (set_.images[i].is_searched && !ids_[i].empty()) ++searched;
-  }
-  return static_cast<double>(engine_.Stats().index_bytes) / searched;
+  return static_cast<double>(engine_.Stats().index_bytes) /
+         static_cast<double>(SearchedIds().size());
 }
 
 }  // namespace pliant

@@ -19,24 +19,6 @@
 
 namespace pliant {
 
-// Closer looks at queries (Engine::DescribeFiner), kept as files: every vocabulary and protocol
-// asks for those of the same images.
-class CloserLooks {
- public:
-  // What lies in `folder` already is taken to be of this engine's way to describe images. Made
-  // when first needed.
-  CloserLooks(Engine* engine, std::filesystem::path folder);
-
-  // Of the query `id` in `file`, whose first look is `known`. Throws what DescribeFiner throws,
-  // kCorrupt for a damaged file of the folder, kNoSpace "folder_unwritable".
-  std::optional<Features> Of(const std::string& id, const std::filesystem::path& file,
-                             std::int64_t max_bytes, const Features& known);
-
- private:
-  Engine& engine_;
-  std::filesystem::path folder_;
-};
-
 struct RetrievalGalleryOptions {
   std::shared_ptr<const Descriptor> descriptor;
   ExtractionOptions extraction;
@@ -58,7 +40,7 @@ struct RetrievalTimes {
   double total() const { return decode + detect + describe + quantize + rank + verify; }
 };
 
-// How a query with object grouping fares: what `pliant query` prints first.
+// The result of a query with object grouping: what `pliant query` prints first.
 struct ObjectAnswer {
   double top1 = 0;  // the first object is right
   double mrr = 0;   // 1 / rank of the right object; 0 when it is not found
@@ -84,16 +66,16 @@ struct NamedAnswer {
 // Of the images whose object is absent.
 struct AbsentAnswers {
   std::size_t asked = 0;   // without those that were refused
-  std::size_t alarms = 0;  // answered with something said to be found
+  std::size_t alarms = 0;  // answered with a hit that counts as found
 };
 
 // Not thread-safe.
 class RetrievalGallery {
  public:
-  // Describes and stores all images. Those that are unreadable or have too few features are named
-  // in the set's `skipped` and still count: a query that is refused, or whose right answers are,
-  // is a miss. Throws what Engine throws when all are concerned, kCancelled on a stop, and
-  // kUnprocessable "nothing_to_search" when every image to search was refused.
+  // Describes and stores all images. Images that are unreadable or have too few features are listed
+  // in the set's `skipped` and still count: a refused query, or one whose correct answers are
+  // refused, is a miss. Throws what Engine throws when all images are concerned, kCancelled on a
+  // stop, and kUnprocessable "nothing_to_search" when every image to search was refused.
   RetrievalGallery(RetrievalSet set, RetrievalGalleryOptions options);
 
   const RetrievalSet& set() const { return set_; }
@@ -109,8 +91,7 @@ class RetrievalGallery {
   std::vector<RetrievalAnswer> Ask(SearchOptions search, RetrievalTimes* times = nullptr,
                                    std::vector<NamedAnswer>* named = nullptr);
 
-  // The same by object. Only for sets whose queries are not searched themselves are the ranks worth
-  // anything.
+  // The same by object. The ranks are meaningful only if the queries are not in the gallery.
   ObjectAnswer AskForObjects(SearchOptions search);
 
   // Asks the absent images of the set.
@@ -131,13 +112,16 @@ class RetrievalGallery {
   void Fill();
   void Add(const RetrievalImage& image, const std::string& id, Bytes bytes);
   void ThrowIfStopped() const;
-  SearchResult Search(std::size_t image, const SearchOptions& search);
+  // The second pass of a query at high resolution (Engine::DescribeFiner), kept as a file beside
+  // the database: every vocabulary and protocol needs it again.
+  std::optional<Features> SecondPass(std::size_t image, const Features& known);
+  std::vector<std::string> SearchedIds() const;  // without refused images
+  SearchResult Search(std::size_t image, SearchOptions search);
   NamedAnswer Named(std::size_t query, const std::vector<Hit>& hits) const;
 
   RetrievalSet set_;
   RetrievalGalleryOptions options_;
   Engine engine_;
-  CloserLooks closer_looks_;
   bool several_images_of_an_object_ = false;  // searched ones
   std::vector<std::size_t> queries_;          // positions in set_.images
   std::vector<std::size_t> possible_;         // right answers, by position

@@ -18,12 +18,11 @@ RetrievalMetrics Fieldwise(const Function& of) {
   for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
     result.accuracy_at[k] = of([k](const RetrievalMetrics& m) { return m.accuracy_at[k]; });
   }
-  result.map = of([](const RetrievalMetrics& m) { return m.map; });
-  result.top1 = of([](const RetrievalMetrics& m) { return m.top1; });
-  result.mrr = of([](const RetrievalMetrics& m) { return m.mrr; });
-  result.ns = of([](const RetrievalMetrics& m) { return m.ns; });
-  result.found_right = of([](const RetrievalMetrics& m) { return m.found_right; });
-  result.found_wrong = of([](const RetrievalMetrics& m) { return m.found_wrong; });
+  using M = RetrievalMetrics;
+  for (double M::* const field :
+       {&M::map, &M::top1, &M::mrr, &M::ns, &M::found_right, &M::found_wrong}) {
+    result.*field = of([field](const M& m) { return m.*field; });
+  }
   return result;
 }
 

@@ -36,16 +36,12 @@ std::optional<unsigned long> UkbenchNumber(const fs::path& file) {
   return std::stoul(digits);
 }
 
-bool IsAsciiAlnum(char c) {
-  return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
-}
-
 // "mug12" of "mug12_front.jpg" and of "mug12-3.jpg".
 std::string Label(const fs::path& file) {
   const std::string stem = file.stem().string();
   const auto end =
-      std::find_if(stem.begin(), stem.end(), [](char c) {  // letters beyond ASCII are letters too
-        return !IsAsciiAlnum(c) && (static_cast<unsigned char>(c) & 0x80) == 0;
+      std::find_if(stem.begin(), stem.end(), [](unsigned char c) {  // beyond ASCII all are letters
+        return c < 0x80 && std::isalnum(c) == 0;
       });
   return ToDisplayText(end == stem.begin() ? stem : std::string(stem.begin(), end));
 }
@@ -60,7 +56,7 @@ class Reader {
     std::error_code error;
     if (!fs::is_directory(folder_, error)) {
       throw Error(ErrorCode::kNotFound, "folder_not_found",
-                  DisplayPath() + " is no folder that can be read");
+                  DisplayPath() + " is not a readable directory");
     }
     for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
       if (entry.path().filename().native().starts_with('.')) continue;
@@ -84,12 +80,12 @@ class Reader {
     ThrowUnprocessable(
         "layout_unknown",
         DisplayPath() + (files_.empty() ? " holds no images" : " has images but no folders") +
-            "; expected one folder an object, ukbenchNNNNN.jpg files, query/ and gallery/, or "
+            "; expected one folder per object, ukbenchNNNNN.jpg files, query/ and gallery/, or "
             "query/ and ref/ (layout objects, ukbench, pairs, labels)");
   }
 
   void ReadObjects() {
-    for (const fs::path& file : files_) Skip(file, "it lies in no object's folder");
+    for (const fs::path& file : files_) Skip(file, "it is not in the folder of an object");
     bool has_references = false;
     for (const fs::path& folder : folders_) {
       const std::string object = ToDisplayText(folder.filename().string());
@@ -155,22 +151,6 @@ class Reader {
 };
 
 }  // namespace
-
-const char* ToString(RetrievalLayout layout) {
-  switch (layout) {
-    case RetrievalLayout::kAuto:
-      return "auto";
-    case RetrievalLayout::kObjects:
-      return "objects";
-    case RetrievalLayout::kUkbench:
-      return "ukbench";
-    case RetrievalLayout::kPairs:
-      return "pairs";
-    case RetrievalLayout::kLabels:
-      return "labels";
-  }
-  return "unknown";
-}
 
 RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
                               const std::vector<fs::path>& distractors,
@@ -253,7 +233,7 @@ void CheckRetrievalSet(RetrievalSet* set) {
     kept.push_back(std::move(image));
   }
   set->images = std::move(kept);
-  const std::string layout = std::string(" (layout ") + ToString(set->layout) + ")";
+  const std::string layout = " (layout " + WordOf(set->layout, kRetrievalLayouts) + ")";
   if (searched == 0) ThrowUnprocessable("nothing_to_search", "no image to search" + layout);
   if (objects.size() == 1 && !has_distractors) {
     ThrowUnprocessable("one_object", "all images show one object, " + *objects.begin() +
@@ -261,7 +241,7 @@ void CheckRetrievalSet(RetrievalSet* set) {
   }
   if (queries == 0) {
     ThrowUnprocessable("no_queries",
-                       "no query has a right answer among the searched images" + layout);
+                       "no query has a correct answer among the searched images" + layout);
   }
 }
 

@@ -4,8 +4,10 @@
 // are searched.
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "index/files/image_files.h"
@@ -23,14 +25,25 @@ enum class RetrievalLayout {
   kPairs,   // DIR/query/<id>.* and DIR/gallery/<id>.*
   kLabels,  // DIR/query/* and DIR/ref/* (searched): object = leading letters and digits of the name
 };
-const char* ToString(RetrievalLayout layout);
+inline const std::vector<std::pair<std::string, RetrievalLayout>> kRetrievalLayouts = {
+    {"auto", RetrievalLayout::kAuto},
+    {"objects", RetrievalLayout::kObjects},
+    {"ukbench", RetrievalLayout::kUkbench},
+    {"pairs", RetrievalLayout::kPairs},
+    {"labels", RetrievalLayout::kLabels}};
+
+// The word of an enumerator in such a list.
+template <typename Enum>
+const std::string& WordOf(Enum value, const std::vector<std::pair<std::string, Enum>>& choices) {
+  return std::ranges::find(choices, value, &std::pair<std::string, Enum>::second)->first;
+}
 
 struct RetrievalImage {
   std::filesystem::path path;
   std::string object;  // empty: a distractor, which is never a right answer
   bool is_query = false;
   bool is_searched = false;  // belongs to the gallery
-  // Is asked, too, but shows none of the objects: whatever is found is a false alarm.
+  // A further query that shows none of the objects: each hit is a false alarm.
   bool is_absent = false;
 };
 
@@ -56,8 +69,8 @@ RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayo
 std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set);
 
 // Removes queries that have no correct answer; images that were only queries are listed in
-// `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries"
-// when nothing can be measured with what is left.
+// `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries" when the rest
+// cannot be measured.
 void CheckRetrievalSet(RetrievalSet* set);
 
 }  // namespace pliant

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "index/json/record_json.h"
-#include "index/verify/warp_mesh.h"
 
 namespace pliant {
 namespace {

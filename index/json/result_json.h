@@ -10,7 +10,7 @@
 #include "index/records/records.h"
 #include "index/records/search.h"
 #include "index/verify/locate.h"
-#include "index/verify/warp_mesh.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 

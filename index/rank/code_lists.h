@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The codes of a segment's descriptors (vocab/residual_codes.h), word by word: what ranking by
-// nearest neighbours scans, and what histograms count. Private to index/.
+// The codes of a segment's descriptors (vocab/residual_codes.h), word by word. Ranking by nearest
+// neighbours scans them, and histograms count them. Private to index/.
 #pragma once
 
 #include <algorithm>

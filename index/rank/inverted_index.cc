@@ -62,8 +62,7 @@ void MergeParts(IndexSnapshot* next) {
                             : group.size() >= kFanOut;
     if (!enough) continue;
     std::erase_if(next->parts, [&](const Part& part) {
-      return std::any_of(group.begin(), group.end(),
-                         [&](const Part& g) { return g.segment == part.segment; });
+      return std::ranges::find(group, part.segment, &Part::segment) != group.end();
     });
     next->parts.push_back(MergedPart(group));
   }
@@ -71,24 +70,85 @@ void MergeParts(IndexSnapshot* next) {
 
 }  // namespace
 
+std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedImage> images,
+                                                        std::size_t vocabulary_size,
+                                                        const ResidualCoder& coder) {
+  if (images.size() > kMaxImages) {
+    throw Error(ErrorCode::kInternal, "segment_too_large", "an index segment got too many images");
+  }
+  auto segment = std::make_shared<IndexSegment>();
+  segment->images_.reserve(images.size());
+  for (const IndexedImage& image : images) {
+    const Bow& bow = image.bow;
+    if (!bow.words.empty() && bow.words.back().word >= vocabulary_size) {
+      throw Error(ErrorCode::kInternal, "word_out_of_range", "a word is outside the vocabulary");
+    }
+    double squares = 0;
+    for (const WordCount& entry : bow.words) {
+      squares += static_cast<double>(entry.count) * entry.count;
+    }
+    segment->Add({image.key, image.object, squares, bow.total}, image.id);
+  }
+  segment->codes_ = CodeLists::Build(images, vocabulary_size, coder);
+  return segment;
+}
+
+std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> sources) {
+  struct Place {
+    std::int64_t key;
+    std::uint32_t source;
+    std::uint32_t image;
+  };
+  std::vector<Place> places;
+  std::vector<std::vector<std::uint32_t>> positions;
+  for (std::uint32_t s = 0; s < sources.size(); ++s) {
+    const auto& [segment, dead] = sources[s];
+    positions.emplace_back(segment->size(), CodeLists::kGone);
+    for (std::uint32_t p = 0; p < segment->size(); ++p) {
+      if (dead == nullptr || !(*dead)[p]) places.push_back({(*segment)[p].key, s, p});
+    }
+  }
+  std::ranges::sort(places, {}, &Place::key);
+  auto merged = std::make_shared<IndexSegment>();
+  merged->images_.reserve(places.size());
+  for (const Place& place : places) {
+    const IndexSegment& from = *sources[place.source].segment;
+    positions[place.source][place.image] = static_cast<std::uint32_t>(merged->size());
+    merged->Add(from[place.image], from.id(place.image));
+  }
+  std::vector<CodeLists::Source> codes;
+  for (std::size_t s = 0; s < sources.size(); ++s) {
+    codes.push_back({&sources[s].segment->codes_, &positions[s]});
+  }
+  merged->codes_ = CodeLists::Merge(codes);
+  return merged;
+}
+
+void IndexSegment::Add(Image image, std::string_view id) {
+  ids_ += id;
+  image.id_end = static_cast<std::uint32_t>(ids_.size());
+  images_.push_back(image);
+}
+
+std::size_t IndexSegment::Find(std::int64_t key) const {
+  const auto found = std::ranges::lower_bound(images_, key, {}, &Image::key);
+  if (found == images_.end() || found->key != key) return size();
+  return static_cast<std::size_t>(found - images_.begin());
+}
+
+std::size_t IndexSegment::memory_bytes() const {
+  return sizeof(*this) - sizeof(codes_) + images_.capacity() * sizeof(Image) + ids_.capacity() +
+         codes_.memory_bytes();
+}
+
 std::optional<Bow> IndexSnapshot::Find(std::int64_t key) const {
   for (const Part& part : parts) {
     const std::size_t image = part.segment->Find(key);
-    if (image < part.segment->size() && !part.IsDead(image)) return part.segment->BowOf(image);
-  }
-  return std::nullopt;
-}
-
-std::vector<std::int64_t> IndexSnapshot::Keys() const {
-  std::vector<std::int64_t> keys;
-  keys.reserve(images);
-  for (const Part& part : parts) {
-    for (std::size_t p = 0; p < part.segment->size(); ++p) {
-      if (!part.IsDead(p)) keys.push_back(part.segment->key(p));
+    if (image < part.segment->size() && !part.IsDead(image)) {
+      return part.segment->codes().BowOf(image);
     }
   }
-  std::sort(keys.begin(), keys.end());
-  return keys;
+  return std::nullopt;
 }
 
 std::size_t IndexSnapshot::memory_bytes() const {
@@ -143,8 +203,7 @@ void InvertedIndex::Append(std::vector<IndexedImage> added) {
 }
 
 void InvertedIndex::AddParts(IndexSnapshot& next, std::vector<IndexedImage> added) {
-  std::sort(added.begin(), added.end(),
-            [](const IndexedImage& a, const IndexedImage& b) { return a.key < b.key; });
+  std::ranges::sort(added, {}, &IndexedImage::key);
   for (std::size_t begin = 0; begin < added.size(); begin += IndexSegment::kMaxImages) {
     const std::size_t count = std::min(added.size() - begin, IndexSegment::kMaxImages);
     Part part;

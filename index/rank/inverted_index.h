@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index in memory: immutable segments, merged as they grow (a log-structured merge
-// tree: an image is copied about log_8 N times), tombstones for removed images, and snapshots
-// that searches keep while one writer makes the next.
+// tree: an image is copied about log_8 N times), tombstones for removed images, and snapshots that
+// searches keep while one writer makes the next. Private to index/.
 #pragma once
 
 #include <cstdint>
@@ -10,11 +10,58 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
-#include "index/rank/index_segment.h"
+#include "index/rank/code_lists.h"
+#include "index/records/image_ref.h"
 
 namespace pliant {
+
+// An immutable piece of the index: up to 16384 images, and the codes of their descriptors by word.
+class IndexSegment {
+ public:
+  static constexpr std::size_t kMaxImages = 16384;
+
+  struct Image {
+    std::int64_t key = 0;
+    std::int64_t object = 0;
+    double sum_of_squares = 0;  // of the counts of its words
+    std::uint32_t keypoints = 0;
+    std::uint32_t id_end = 0;  // of its id in the text of all ids
+  };
+
+  // `images`: at most kMaxImages, keys ascending; words below `vocabulary_size`, and a code for
+  // each descriptor (CodeLists::Build).
+  static std::shared_ptr<const IndexSegment> Build(std::span<const IndexedImage> images,
+                                                   std::size_t vocabulary_size,
+                                                   const ResidualCoder& coder);
+  struct Source {
+    const IndexSegment* segment;
+    const std::vector<bool>* dead;  // nullptr = none
+  };
+  // The living images of all sources, keys ascending.
+  static std::shared_ptr<const IndexSegment> Merge(std::span<const Source> sources);
+
+  std::size_t size() const { return images_.size(); }
+  const Image& operator[](std::size_t image) const { return images_[image]; }
+  std::string_view id(std::size_t image) const {
+    const std::size_t begin = image == 0 ? 0 : images_[image - 1].id_end;
+    return std::string_view(ids_).substr(begin, images_[image].id_end - begin);
+  }
+  const CodeLists& codes() const { return codes_; }
+
+  std::size_t Find(std::int64_t key) const;  // position of a key, or size()
+  std::size_t memory_bytes() const;
+
+ private:
+  void Add(Image image, std::string_view id);
+
+  std::vector<Image> images_;  // by key
+  std::string ids_;
+  CodeLists codes_;
+};
 
 // A searchable state. Immutable; keep the shared_ptr as long as results refer to it.
 struct IndexSnapshot {
@@ -32,7 +79,6 @@ struct IndexSnapshot {
 
   // The words of an image, if it is alive.
   std::optional<Bow> Find(std::int64_t key) const;
-  std::vector<std::int64_t> Keys() const;  // of the living, ascending
   std::size_t memory_bytes() const;
 };
 

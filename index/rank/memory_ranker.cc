@@ -12,11 +12,6 @@
 #include "index/store/refusals.h"
 
 namespace pliant {
-namespace {
-
-const IndexSnapshot& SnapshotOf(const CollectionView& view) { return *view.snapshot; }
-
-}  // namespace
 
 MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading)
     : feed_(std::move(feed)), loading_(std::move(loading)) {}
@@ -27,9 +22,7 @@ CollectionView MemoryRanker::View(const std::string& collection) {
   while (true) {
     CatchUp();
     const auto found = entries_.find(collection);
-    if (found == entries_.end()) {
-      throw refusals::NoCollection(collection);
-    }
+    if (found == entries_.end()) throw refusals::NoCollection(collection);
     const Entry& entry = found->second;
     if (entry.is_current() || (entry.shown && entry.loading)) return ViewOf(entry);
     if (entry.loading) {
@@ -47,19 +40,20 @@ CollectionView MemoryRanker::ViewOf(const Entry& entry) {
 }
 
 std::size_t MemoryRanker::Size(const CollectionView& view) const {
-  return view.snapshot ? SnapshotOf(view).images : 0;
+  return view.snapshot ? view.snapshot->images : 0;
 }
 
 Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
                            const RankOptions& options) const {
-  const IndexSnapshot& snapshot = SnapshotOf(view);
+  const IndexSnapshot& snapshot = *view.snapshot;
   const std::vector<float> weights = ContrastWeights(query.features.keypoints);
   Ranking ranking = options.method == RankMethod::kHistogram
                         ? RankByHistogram(snapshot, query.bow, options)
                         : RankByNeighbours(snapshot, *view.quantizer,
                                            {query.features.descriptors, weights}, options);
-  for (RankedImage& image : ranking.candidates) image.ref.collection = view.collection;
-  for (RankedImage& image : ranking.best) image.ref.collection = view.collection;
+  for (auto* images : {&ranking.candidates, &ranking.best}) {
+    for (RankedImage& image : *images) image.ref.collection = view.collection;
+  }
   return ranking;
 }
 
@@ -74,8 +68,8 @@ void MemoryRanker::Follow() {
   Lock lock(mutex_);
   if (!in_use_) return;
   CatchUp();
-  // Before a writer returns nothing may be left to an old state: an image that it has added has
-  // words of the new vocabulary alone.
+  // Before a writer returns, no collection may still show an old state: an image that it has added
+  // has words of the new vocabulary only.
   LoadAll(lock);
 }
 
@@ -117,7 +111,7 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
     try {
       next.emplace(state.name, Updated(std::move(entry), state, view));
     } catch (...) {
-      // Those before it are as they should be.
+      // The collections before it are up to date.
       if (!entries_.empty()) {
         for (auto& [name, updated] : next) entries_.insert_or_assign(name, std::move(updated));
       }
@@ -137,15 +131,15 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
                                           FeedView& view) {
   entry.vocabulary = state.vocabulary;
   if (entry.shown && entry.shown->index) {
-    // An index that an exception left half changed must not be shown: it goes first, and comes back
-    // when it is whole.
+    // An index that an exception left half changed must not be shown: it is removed first, and put
+    // back when it is whole.
     Loaded shown = *std::exchange(entry.shown, std::nullopt);
     const auto known = entries_.find(state.name);
     if (known != entries_.end()) known->second.shown.reset();
     try {
       if (BringUpToDate(shown, view)) entry.shown = std::move(shown);
     } catch (...) {
-      // Where nothing was changed yet, it is as it was.
+      // If nothing was changed yet, the old state is still correct.
       if (known != entries_.end() && shown.index->is_whole()) {
         known->second.shown = std::move(shown);
       }
@@ -167,7 +161,7 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
 bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
   const auto removed = view.RemovedSince(loaded.at);
   if (!removed) return false;
-  const FeedPosition at = view.Position();  // may fail: after the change it would be done again
+  const FeedPosition at = view.Position();  // may fail, so before the change
   view.ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.image,
                     IndexSegment::kMaxImages, [&](std::vector<IndexedImage> chunk) {
                       loaded.index->Stage(std::move(chunk));
@@ -183,7 +177,7 @@ std::optional<MemoryRanker::Loaded> MemoryRanker::TakePrepared(Key collection, K
     if (!prepared || prepared->collection != collection || prepared->vocabulary != vocabulary) {
       continue;
     }
-    prepared_.erase(at);  // once only: the index goes on living in the entry
+    prepared_.erase(at);  // once only: the entry owns the index from now on
     return *prepared;
   }
   return std::nullopt;
@@ -209,7 +203,7 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
     entry->second.loading = false;
     if (loaded) entry->second.shown = std::move(loaded);
   }
-  version_.reset();  // what has changed while it was loaded is followed before it is shown
+  version_.reset();  // changes during the loading are applied before it is shown
   changed_.notify_all();
   if (failure) std::rethrow_exception(failure);
 }
@@ -231,7 +225,7 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
 std::shared_ptr<const void> MemoryRanker::Prepare(Key collection, Key vocabulary) {
   {
     const std::lock_guard lock(mutex_);
-    if (!in_use_) return nullptr;  // whoever first needs it loads it
+    if (!in_use_) return nullptr;  // the first search loads it
   }
   const std::unique_ptr<FeedView> view = feed_->Look();
   auto prepared = std::make_shared<const Loaded>(LoadAside(*view, collection, vocabulary));

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The ranker in memory: an inverted index for each collection, which follows the store's change
-// feed whoever wrote it, this process or another.
+// feed, whether this process or another one wrote the changes.
 //
-// Searches wait only for each other's look at the feed and for small changes. What takes long, a
-// collection whose vocabulary was switched or whose changes the store has forgotten, is loaded
-// aside, by one thread; meanwhile others go on with the state before (removals are followed in it
-// too) or, where there is none, wait.
+// Searches wait only for each other's poll of the feed and for small changes. Long work (loading a
+// collection whose vocabulary was switched, or whose changes the store has forgotten) is done
+// aside, by one thread. Meanwhile others use the previous state (removals are applied to it, too)
+// or, if there is none, wait.
 #pragma once
 
 #include <atomic>
@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "index/rank/inverted_index.h"
-#include "index/rank/ranker.h"
+#include "index/rank/ranking.h"
 #include "index/store/catalogue.h"
 #include "index/store/change_feed.h"
 
@@ -29,29 +29,29 @@ namespace pliant {
 // Thread-safe. Throws what a database throws.
 class MemoryRanker {
  public:
-  // `loading` hears which share of the images is in memory while everything is loaded for the
-  // first time; may be empty.
+  // During the first load, `loading` is called with the share of the images in memory; may be
+  // empty.
   explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
 
-  // The present state: with everything that this process has written and, unless a collection is
-  // just being loaded anew, with what others have. kNotFound "collection_not_found".
+  // The present state: with all writes of this process and, unless a collection is just being
+  // reloaded, of others. kNotFound "collection_not_found".
   CollectionView View(const std::string& collection);
   std::size_t Size(const CollectionView& view) const;  // images; 0 without vocabulary
   // The view must have a vocabulary.
   Ranking Rank(const CollectionView& view, const RankQuery& query,
                const RankOptions& options) const;
 
-  // Makes ready what a first search would wait for.
+  // Loads everything, so that the first search does not wait.
   void Load();
-  // To be called after each commit of this process, before its writer returns: views that are made
-  // from then on show it. Does nothing before the first load.
+  // Call it after each commit of this process, before its writer returns: later views show the
+  // commit. Does nothing before the first load.
   void Follow();
-  // Loads what a switch to this vocabulary will need, so that the switch itself takes no time. Kept
-  // as long as the result is.
+  // Loads what a switch to this vocabulary needs, so that the switch itself takes no time. Kept as
+  // long as the result is.
   [[nodiscard]] std::shared_ptr<const void> Prepare(Key collection, Key vocabulary);
 
   std::size_t memory_bytes() const;
-  // ChangeFeed::Version when it last caught up with the store; 0 = never. Waits for nobody.
+  // ChangeFeed::Version when it last caught up with the store; 0 = never. Never waits.
   std::int64_t followed() const { return followed_; }
   // Differences between the ranker and the store, as sentences.
   std::vector<std::string> Check();

@@ -12,10 +12,10 @@
 namespace pliant {
 namespace {
 
-// An image with hardly any descriptor must not come first by one vote.
+// An image with very few descriptors must not come first by one vote.
 constexpr double kLeastDescriptors = 8;
 
-// Lists are asked for from memory this many cells before they are read.
+// Lists are prefetched this many cells before they are read.
 constexpr std::size_t kCellsAhead = 2;
 
 double Root(double descriptors) { return std::sqrt(std::max(kLeastDescriptors, descriptors)); }

@@ -6,15 +6,15 @@
 // Let w be the nearest word of the query descriptor q, and |q - w| its distance. A descriptor x in
 // one of the cells (words) nearest to q votes
 //   v = max(0, a max(|q - w|^2, b |q - w'|^2) - |q - x|^2)
-// for its image, the best once per query descriptor and image. w' is the farthest of these
-// cells' words: a descriptor that has become a word itself, or several, because it is stored many
-// times or the collection is small, is as far from usual as that says. The weight is relative, as
-// in local naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), where the distance to the
-// second nearest class takes the place of a |q - w|^2: much of a photograph is like everything, and
-// only what is nearer than the word, that is than usual, says something. Distances are estimated
-// from codes (vocab/residual_codes.h).
+// for its image, the best once per query descriptor and image. w' is the farthest of these cells'
+// words, a second measure of the usual distance: a descriptor can be a word itself (or several)
+// because it is stored many times or the collection is small. The weight is relative, as in local
+// naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), with a |q - w|^2 instead of the
+// distance to the second nearest class: much of a photograph resembles everything, and only
+// descriptors nearer than usual, that is than the word, are evidence. Distances are estimated from
+// codes (vocab/residual_codes.h).
 //
-// Votes are then weighed:
+// Votes are then weighted:
 //  - by the query descriptor's own weight (Voters);
 //  - by rarity: of a query descriptor that votes for m images, each vote counts v / sqrt(m);
 //  - against bursts (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009):
@@ -33,14 +33,14 @@
 
 namespace pliant {
 
-// A query's descriptors, and what the votes of each count.
+// A query's descriptors, and the weights of their votes.
 struct Voters {
   const Descriptors& descriptors;
   std::span<const float> weights = {};  // by row, above 0; empty: 1 each
 };
 
 struct NeighbourOptions {
-  int cells = 16;      // nearest words whose lists a query descriptor looks into
+  int cells = 16;      // nearest words whose lists are scanned for a query descriptor
   float reach = 0.7F;  // a
   int threads = 1;     // 0 = all cores
   float least = 0.3F;  // b
@@ -59,9 +59,9 @@ class NeighbourQuery {
   // The quantizer must have a coder. What `voters` refers to must outlive it.
   NeighbourQuery(const Quantizer& quantizer, const Voters& voters, const NeighbourOptions& options);
 
-  // Appends what votes for the lists' images that are alive, in no order, an image perhaps more
-  // than once: see KeepBest. Slice `slice` of `slices` looks into its share of the cells. `dead`:
-  // nullptr = all are alive.
+  // Appends the votes for the lists' living images, in no order, perhaps several of a row for one
+  // image (KeepBest). Slice `slice` of `slices` scans its share of the cells. `dead`: nullptr = all
+  // are alive.
   void Collect(const CodeLists& lists, const std::vector<bool>* dead, std::size_t slice,
                std::size_t slices, std::vector<Vote>* votes) const;
 
@@ -70,7 +70,7 @@ class NeighbourQuery {
   void Weigh(std::span<std::vector<Vote>> votes_of_lists) const;
 
   // The score of an image with `descriptors` descriptors whose votes add up to `sum`: 1 for a copy
-  // of the query that is like nothing else.
+  // of the query that resembles nothing else.
   double Score(double sum, double descriptors) const;
 
  private:
@@ -84,15 +84,15 @@ class NeighbourQuery {
 
   Voters voters_;
   float bias_step_ = 0;
-  // By word, then by row: a list that several rows look into is read from memory once.
+  // By word, then by row: a list that several rows need is read from memory once.
   std::vector<Cell> cells_;
   std::vector<LookupTable> tables_;  // by row; none for binary descriptors
   std::vector<float> limits_;        // by row: a |q - w|^2
   double norm_ = 0;                  // 1 / (sum of weighed limits_ / sqrt(sum of weights))
 };
 
-// Of each row's votes for an image the best, by row, then by image; of equal ones the lowest
-// code.
+// Keeps the best of each row's votes for an image (of equal votes the one with the lowest code), by
+// row, then by image.
 void KeepBest(std::vector<Vote>* votes);
 
 // sums[image] = its votes, weighed against bursts. Sorts `votes`.

@@ -76,7 +76,7 @@ struct SearchOptions {
 // One place in the query image where the object is.
 struct Instance {
   int inliers = 0;
-  double independent = 0;      // of these (index/verify/independence.h)
+  double independent = 0;      // of these (index/verify/verification.h)
   std::vector<Point> polygon;  // outline in the query image
 };
 

@@ -3,16 +3,12 @@
 #include "index/tracking/frame_source.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
-#include <fstream>
-#include <iterator>
 #include <system_error>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/video.h"
-#include "index/files/durable_file.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -20,12 +16,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kSingle =
-    " has a single frame; tracking needs two or more. For one image use pliant match";
-constexpr const char* kImage =
-    " is an image, a single frame; tracking needs a video or a folder of frames. For one image "
-    "use pliant match";
-constexpr std::uintmax_t kSniffed = 64;  // bytes that tell an image
+[[noreturn]] void ThrowSingle(const fs::path& path, const char* what = "") {
+  throw Error(
+      ErrorCode::kUnprocessable, "single_frame",
+      path.string() + what +
+          " has a single frame; tracking needs a video or a folder with two frames or more. "
+          "For one image use pliant match");
+}
 
 bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
 
@@ -38,34 +35,18 @@ std::string TakeNumber(const std::string& text, std::size_t& at) {
   return text.substr(begin, end - begin);
 }
 
-std::vector<std::uint8_t> ReadWhole(const fs::path& path, std::uintmax_t most) {
-  std::ifstream file(path, std::ios::binary);
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(path, error);
-  if (!file && FilesAreUsedUp()) ThrowOutOfFiles(path.string() + " cannot be read");
-  if (!file || error) {
-    throw Error(ErrorCode::kNotFound, "cannot_read", path.string() + " cannot be read");
-  }
-  std::vector<std::uint8_t> bytes(std::min(size, most));
-  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0)));
-  return bytes;
-}
-
 std::string Size(std::int64_t width, std::int64_t height) {
   return std::to_string(width) + " x " + std::to_string(height);
 }
 
 class VideoFrames : public FrameSource {
  public:
-  VideoFrames(const fs::path& file, int every) : name_(file.string()), every_(every), video_(file) {
+  VideoFrames(const fs::path& file, int every) : file_(file), every_(every), video_(file) {
     const VideoInfo& video = video_.info();
     info_ = {video.width, video.height, video.frames_per_second,
              (video.frames + every - 1) / every};
-    if (video.frames == 1) ThrowSingle();
+    if (video.frames == 1) ThrowSingle(file_);
   }
-  const FrameSourceInfo& info() const override { return info_; }
-  const std::vector<SkippedFrame>& skipped() const override { return skipped_; }
 
   std::optional<Frame> Next() override {
     for (int i = 1; i < every_ && number_ > 0; ++i, ++number_) {
@@ -81,20 +62,15 @@ class VideoFrames : public FrameSource {
   }
 
  private:
-  [[noreturn]] void ThrowSingle() const {
-    throw Error(ErrorCode::kUnprocessable, "single_frame", name_ + kSingle);
-  }
   std::optional<Frame> End() const {
-    if (number_ == 1) ThrowSingle();  // whatever its header said
+    if (number_ == 1) ThrowSingle(file_);  // whatever its header said
     return std::nullopt;
   }
 
-  std::string name_;
+  fs::path file_;
   int every_;
   VideoReader video_;
-  FrameSourceInfo info_;
   std::int64_t number_ = 0;
-  std::vector<SkippedFrame> skipped_;
 };
 
 class FolderFrames : public FrameSource {
@@ -104,20 +80,15 @@ class FolderFrames : public FrameSource {
     options_.decode.max_side_px = 0;
     Find(folder);
     if (files_.empty()) {
-      throw Error(
-          ErrorCode::kUnprocessable, "no_frames",
-          folder.string() + " holds no image that can be read" +
-              (skipped_.empty() ? std::string()
-                                : "; " + skipped_.front().file + ": " + skipped_.front().reason));
+      const std::string first =
+          skipped_.empty() ? "" : "; " + skipped_.front().file + ": " + skipped_.front().reason;
+      throw Error(ErrorCode::kUnprocessable, "no_frames",
+                  folder.string() + " holds no readable image" + first);
     }
-    if (files_.size() == 1) {
-      throw Error(ErrorCode::kUnprocessable, "single_frame", folder.string() + kSingle);
-    }
+    if (files_.size() == 1) ThrowSingle(folder);
     const auto every = static_cast<std::size_t>(options.every);
     info_.frames = static_cast<std::int64_t>((files_.size() + every - 1) / every);
   }
-  const FrameSourceInfo& info() const override { return info_; }
-  const std::vector<SkippedFrame>& skipped() const override { return skipped_; }
 
   std::optional<Frame> Next() override {
     while (at_ < files_.size()) {
@@ -125,13 +96,10 @@ class FolderFrames : public FrameSource {
       const fs::path& file = files_[number];
       at_ += static_cast<std::size_t>(options_.every);
       try {
-        DecodedImage decoded =
-            DecodeImage(ReadWhole(file, static_cast<std::uintmax_t>(options_.decode.max_bytes) + 1),
-                        options_.decode);
         return Frame{static_cast<std::int64_t>(number),
                      {},
                      ToDisplayText(file.filename().string()),
-                     std::move(decoded.image)};
+                     DecodeImage(ReadFile(file, options_.decode.max_bytes), options_.decode).image};
       } catch (const Error& error) {
         Skip(file, error);
       }
@@ -145,15 +113,12 @@ class FolderFrames : public FrameSource {
         {ToDisplayText(file.filename().string()), error.reason(), ToDisplayText(error.what())});
   }
 
-  static bool IsCandidate(const fs::directory_entry& entry) {
-    const std::string name = entry.path().filename().string();
-    return !name.starts_with('.') && !name.ends_with(".uv.png") && entry.is_regular_file();
-  }
-
   void Find(const fs::path& folder) {
     std::vector<fs::path> candidates;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      if (IsCandidate(entry)) candidates.push_back(entry.path());
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with('.') || name.ends_with(".uv.png") || !entry.is_regular_file()) continue;
+      if (LooksLikeImage(entry.path())) candidates.push_back(entry.path());
     }
     std::sort(candidates.begin(), candidates.end(), [](const fs::path& a, const fs::path& b) {
       return NaturalLess(a.filename().string(), b.filename().string());
@@ -164,11 +129,10 @@ class FolderFrames : public FrameSource {
   void Add(const fs::path& file) {
     ImageHeader header;
     try {
-      header =
-          ReadImageHeader(ReadWhole(file, static_cast<std::uintmax_t>(options_.decode.max_bytes)));
+      header = ReadImageHeader(ReadFile(file, options_.decode.max_bytes));
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kUnsupportedMediaType) Skip(file, error);
-      return;  // notes and the like
+      return;
     }
     const bool turned = header.exif_orientation >= 5;
     const auto width = static_cast<int>(turned ? header.height : header.width);
@@ -180,16 +144,14 @@ class FolderFrames : public FrameSource {
       throw Error(ErrorCode::kUnprocessable, "frames_vary",
                   file.string() + " is " + Size(width, height) + " pixels, but " +
                       files_.front().filename().string() + " is " +
-                      Size(info_.width, info_.height) + "; frames of one size are needed");
+                      Size(info_.width, info_.height) + "; all frames must have one size");
     }
     files_.push_back(file);
   }
 
   FrameOptions options_;
-  FrameSourceInfo info_;
   std::vector<fs::path> files_;
   std::size_t at_ = 0;
-  std::vector<SkippedFrame> skipped_;
 };
 
 }  // namespace
@@ -219,9 +181,8 @@ std::unique_ptr<FrameSource> OpenFrames(const fs::path& path, const FrameOptions
   }
   std::error_code error;
   if (!fs::is_directory(path, error)) {
-    if (fs::is_regular_file(path, error) &&
-        SniffFormat(ReadWhole(path, kSniffed)) != ImageFormat::kUnknown) {
-      throw Error(ErrorCode::kUnprocessable, "single_frame", path.string() + kImage);
+    if (fs::is_regular_file(path, error) && LooksLikeImage(path)) {
+      ThrowSingle(path, " is an image: it");
     }
     return std::make_unique<VideoFrames>(path, options.every);
   }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "descriptor/image/image.h"
+#include "index/files/image_files.h"
 
 namespace pliant {
 
@@ -28,21 +29,19 @@ struct FrameSourceInfo {
   std::int64_t frames = 0;       // expected number of frames from Next; 0 = unknown
 };
 
-struct SkippedFrame {
-  std::string file;
-  std::string code;  // stable word
-  std::string reason;
-};
-
 // Not thread-safe.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  virtual const FrameSourceInfo& info() const = 0;
   // nullopt after the last frame. Throws kUnprocessable "frames_vary".
   virtual std::optional<Frame> Next() = 0;
+  const FrameSourceInfo& info() const { return info_; }
   // Images that could not be decoded, so far.
-  virtual const std::vector<SkippedFrame>& skipped() const = 0;
+  const std::vector<SkippedFile>& skipped() const { return skipped_; }
+
+ protected:
+  FrameSourceInfo info_;
+  std::vector<SkippedFile> skipped_;
 };
 
 struct FrameOptions {

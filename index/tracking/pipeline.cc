@@ -2,16 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/tracking/pipeline.h"
 
-#include <chrono>
 #include <thread>
 #include <utility>
 
-#include "index/tracking/channel.h"
+#include "descriptor/base/stopwatch.h"
 
 namespace pliant {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kFramesAhead = 3;  // that wait between two stages; each holds an image
 
@@ -20,10 +17,6 @@ struct Described {
   Features features;
   double describe_ms = 0;
 };
-
-double MsSince(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 // Runs `work` and tells the channel how it ended.
 template <typename Value, typename Work>
@@ -53,7 +46,7 @@ class AbandonAtEnd {
 
 TrackSummary TrackFrames(FrameSource& source, const Tracker& tracker,
                          const std::function<bool(const TrackedFrame&)>& each) {
-  const Clock::time_point start = Clock::now();
+  const Stopwatch watch;
   Channel<Frame> decoded(kFramesAhead);
   Channel<Described> described(kFramesAhead);
   // The threads are declared after the channels and before the guards, so that at the end the
@@ -69,9 +62,9 @@ TrackSummary TrackFrames(FrameSource& source, const Tracker& tracker,
     const AbandonAtEnd guard(decoded);
     Produce(described, [&] {
       while (auto frame = decoded.Pop()) {
-        const Clock::time_point begin = Clock::now();
+        const Stopwatch stage;
         Features features = tracker.Describe(frame->image);
-        if (!described.Push({std::move(*frame), std::move(features), MsSince(begin)})) return;
+        if (!described.Push({std::move(*frame), std::move(features), stage.ms()})) return;
       }
     });
   });
@@ -79,16 +72,16 @@ TrackSummary TrackFrames(FrameSource& source, const Tracker& tracker,
 
   TrackSummary summary;
   while (auto next = described.Pop()) {
-    const Clock::time_point begin = Clock::now();
+    const Stopwatch stage;
     TrackedFrame tracked{std::move(next->frame), tracker.Find(next->features), next->describe_ms,
                          0};
-    tracked.verify_ms = MsSince(begin);
+    tracked.verify_ms = stage.ms();
     ++summary.frames;
     summary.found += tracked.location.found ? 1 : 0;
     summary.inlier_rate += tracked.location.inlier_rate();
     if (!each(tracked)) break;
   }
-  summary.seconds = MsSince(start) / 1000;
+  summary.seconds = watch.seconds();
   if (summary.frames > 0) {
     const auto frames = static_cast<double>(summary.frames);
     summary.inlier_rate /= frames;

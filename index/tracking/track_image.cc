@@ -27,6 +27,16 @@ Image ScaledToHeight(const Image& image, int height) {
                      height);
 }
 
+// Both at `height`, side by side.
+Image Beside(const Image& left, const Image& right, int height, int gap) {
+  const Image a = ScaledToHeight(left, height);
+  const Image b = ScaledToHeight(right, height);
+  Image both = BlankImage(a.width + gap + b.width, height, colours::kWhite);
+  PasteImage(both, a, 0, 0);
+  PasteImage(both, b, a.width + gap, 0);
+  return both;
+}
+
 int Thickness(const Image& frame) { return std::max(1, std::max(frame.width, frame.height) / 500); }
 
 void DrawMeshLines(Image& on, const Mesh& mesh) {
@@ -66,17 +76,15 @@ Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox&
 
 std::string Caption(const TrackedFrame& tracked) {
   const Location& location = tracked.location;
-  std::array<char, 64> number{};
+  std::string text = "frame " + std::to_string(tracked.frame.number) + "  ";
   if (tracked.frame.time_s) {
-    std::snprintf(number.data(), number.size(), "frame %lld  %.1f s  ",
-                  static_cast<long long>(tracked.frame.number), *tracked.frame.time_s);
-  } else {
-    std::snprintf(number.data(), number.size(), "frame %lld  ",
-                  static_cast<long long>(tracked.frame.number));
+    std::array<char, 32> time{};
+    std::snprintf(time.data(), time.size(), "%.1f s  ", *tracked.frame.time_s);
+    text += time.data();
   }
-  if (!location.found) return number.data() + ("lost: " + Describe(location.reason));
-  return number.data() + ("inliers " + std::to_string(location.inliers.size()) + "/" +
-                          std::to_string(location.matches));
+  if (!location.found) return text + "lost: " + Describe(location.reason);
+  return text + "inliers " + std::to_string(location.inliers.size()) + "/" +
+         std::to_string(location.matches);
 }
 
 Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box) {
@@ -87,11 +95,7 @@ Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box) {
           2 * letters, {20, 20, 20});
   DrawText(left, letters / 2, letters * 3 / 2, Caption(tracked),
            tracked.location.found ? colours::kGreen : colours::kRed, letters);
-  const Image right = ScaledToHeight(DrawUnwarped(frame, tracked.location, box), frame.height);
-  Image both = BlankImage(left.width + kGap + right.width, left.height, colours::kWhite);
-  PasteImage(both, left, 0, 0);
-  PasteImage(both, right, left.width + kGap, 0);
-  return both;
+  return Beside(left, DrawUnwarped(frame, tracked.location, box), frame.height, kGap);
 }
 
 ContactSheet::ContactSheet(Image reference, int cells)
@@ -109,12 +113,9 @@ void ContactSheet::Add(const TrackedFrame& tracked, const PixelBox& box) {
     if ((seen_ - 1) % step_ != 0) return;
   }
   const Image& frame = tracked.frame.image;
-  const Image left = ScaledToHeight(DrawMesh(frame, tracked.location), kCellHeight);
-  const Image right = ScaledToHeight(DrawUnwarped(frame, tracked.location, box), kCellHeight);
-  Image cell = BlankImage(left.width + kGap / 2 + right.width, kCellHeight, colours::kWhite);
-  PasteImage(cell, left, 0, 0);
-  PasteImage(cell, right, left.width + kGap / 2, 0);
-  kept_.push_back({std::move(cell), Caption(tracked)});
+  kept_.push_back({Beside(DrawMesh(frame, tracked.location),
+                          DrawUnwarped(frame, tracked.location, box), kCellHeight, kGap / 2),
+                   Caption(tracked)});
 }
 
 Image ContactSheet::Draw(const std::string& title) const {
@@ -126,8 +127,7 @@ Image ContactSheet::Draw(const std::string& title) const {
   for (std::size_t i = 0; i < count; ++i) {
     shown.push_back(&kept_[count > 1 ? i * (kept_.size() - 1) / (count - 1) : 0]);
   }
-  const Image reference = ScaledToHeight(reference_, kCellHeight);
-  const Cell first{reference, "template"};
+  const Cell first{ScaledToHeight(reference_, kCellHeight), "template"};
   shown.insert(shown.begin(), &first);
 
   int cell_width = 0;

@@ -5,35 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <string>
 #include <utility>
 
 #include "descriptor/base/error.h"
-#include "descriptor/match/distance.h"
 
 namespace pliant {
 namespace {
 
 constexpr int kLeastSide = 16;
-// Described around the region as well, so that keypoints at its border see what is beside them.
+// Share of the box that is described around it, so that keypoints at its border have context.
 constexpr double kMargin = 0.25;
-
-PixelBox BoxOfMask(const Image& mask) {
-  int left = mask.width, top = mask.height, right = -1, bottom = -1;
-  for (int y = 0; y < mask.height; ++y) {
-    for (int x = 0; x < mask.width; ++x) {
-      if (mask.pixels[static_cast<std::size_t>(y) * mask.width + x] == 0) continue;
-      left = std::min(left, x), right = std::max(right, x);
-      top = std::min(top, y), bottom = y;
-    }
-  }
-  if (right < 0) {
-    throw Error(ErrorCode::kInvalidArgument, "mask_invalid",
-                "the mask is black all over; it must be white where the object is");
-  }
-  return {left, top, right - left + 1, bottom - top + 1};
-}
 
 PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
   const Image& mask = options.mask;
@@ -47,7 +29,12 @@ PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
   if (options.region) {
     box = *options.region;
   } else if (!mask.empty()) {
-    box = BoxOfMask(mask);
+    const std::optional<PixelBox> found = BoxOfMask(mask);
+    if (!found) {
+      throw Error(ErrorCode::kInvalidArgument, "mask_invalid",
+                  "the mask is all black; paint the object white");
+    }
+    box = *found;
   }
   if (box.x < 0 || box.y < 0 || box.width < kLeastSide || box.height < kLeastSide ||
       box.x > reference.width - box.width || box.y > reference.height - box.height) {
@@ -55,8 +42,7 @@ PixelBox FindBox(const Image& reference, const TrackerOptions& options) {
                 "the region must lie within the template image (" +
                     std::to_string(reference.width) + " x " + std::to_string(reference.height) +
                     " pixels) and be at least " + std::to_string(kLeastSide) +
-                    " pixels wide and "
-                    "high");
+                    " pixels wide and high");
   }
   return box;
 }
@@ -69,39 +55,48 @@ PixelBox WithMargin(const PixelBox& box, const Image& reference) {
           std::min(reference.height, box.y + box.height + margin) - top};
 }
 
-// Nothing here is told apart by them.
-TrackerOptions WithoutColours(TrackerOptions options) {
-  options.extraction.colours = false;
-  return options;
-}
-
 }  // namespace
+
+std::optional<PixelBox> BoxOfMask(const Image& mask) {
+  int left = mask.width, top = mask.height, right = -1, bottom = -1;
+  for (int y = 0; y < mask.height; ++y) {
+    for (int x = 0; x < mask.width; ++x) {
+      if (mask.pixels[static_cast<std::size_t>(y) * mask.width + x] == 0) continue;
+      left = std::min(left, x), right = std::max(right, x);
+      top = std::min(top, y), bottom = y;
+    }
+  }
+  if (right < 0) return std::nullopt;
+  return PixelBox{left, top, right - left + 1, bottom - top + 1};
+}
 
 Features FeaturesInside(const Features& features, const PixelBox& box, const Image& mask,
                         std::size_t most) {
-  Features inside;
-  inside.width = box.width;
-  inside.height = box.height;
-  inside.model_id = features.model_id;
-  std::vector<std::uint32_t> rows;
-  for (std::uint32_t i = 0; i < features.keypoints.size() && rows.size() < most; ++i) {
-    Keypoint k = features.keypoints[i];
+  std::size_t taken = 0;
+  Features inside = Subset(features, [&](const Keypoint& k) {
     const auto x = static_cast<int>(std::lround(k.x));
     const auto y = static_cast<int>(std::lround(k.y));
-    if (x < box.x || y < box.y || x >= box.x + box.width || y >= box.y + box.height) continue;
-    if (!mask.empty() && mask.pixels[static_cast<std::size_t>(y) * mask.width + x] == 0) continue;
+    return taken < most && x >= box.x && y >= box.y && x < box.x + box.width &&
+           y < box.y + box.height &&
+           (mask.empty() || mask.pixels[static_cast<std::size_t>(y) * mask.width + x] != 0) &&
+           ++taken > 0;
+  });
+  for (Keypoint& k : inside.keypoints) {
     k.x -= static_cast<float>(box.x);
     k.y -= static_cast<float>(box.y);
-    inside.keypoints.push_back(k);
-    rows.push_back(i);
   }
-  inside.descriptors = SelectRows(features.descriptors, rows);
+  inside.width = box.width;
+  inside.height = box.height;
+  inside.colours = {};
   return inside;
 }
 
 Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& reference,
                  TrackerOptions options)
-    : options_(WithoutColours(std::move(options))),
+    : options_([&options] {
+        options.extraction.colours = false;  // tracking does not use them
+        return std::move(options);
+      }()),
       extractor_(std::move(descriptor), options_.extraction),
       box_(FindBox(reference, options_)) {
   Validate(options_.locate);
@@ -124,7 +119,7 @@ Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& refe
     throw Error(ErrorCode::kUnprocessable, "too_few_features",
                 "the template's region has " + std::to_string(features_.keypoints.size()) +
                     " keypoints; at least " + std::to_string(least) +
-                    " are needed. Choose a larger region, or one with more to see");
+                    " are needed. Choose a larger region, or one with more texture");
   }
 }
 

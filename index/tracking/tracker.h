@@ -19,6 +19,9 @@ namespace pliant {
 Features FeaturesInside(const Features& features, const PixelBox& box, const Image& mask,
                         std::size_t most);
 
+// The smallest box around the non-zero pixels of a grey image, if there are any.
+std::optional<PixelBox> BoxOfMask(const Image& mask);
+
 struct TrackerOptions {
   ExtractionOptions extraction;  // of the template's region and of each frame
   LocateOptions locate;

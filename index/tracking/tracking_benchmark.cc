@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 using evaluation::TruthScene;
 
 constexpr std::size_t kLeastSeen = 20;  // of the sampled points
-constexpr int kMaxDetected = 4096;      // in the template, before what is off the object goes
+constexpr int kMaxDetected = 4096;      // in the template, on the object and beside it
 
 bool HoldsScenes(const fs::path& folder) {
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
@@ -35,17 +35,63 @@ bool HoldsScenes(const fs::path& folder) {
   return fs::exists(folder / "scene.json");
 }
 
-Features DescribeView(const Descriptor& descriptor, const Image& image,
-                      const std::vector<Keypoint>& keypoints) {
-  return {image.width, image.height, keypoints, descriptor.Describe(image, keypoints, 1),
+// The template is described as Tracker does.
+Features DescribeAt(const Descriptor& descriptor, const Image& image,
+                    const std::vector<Keypoint>& keypoints, ImageRole role) {
+  return {image.width, image.height, keypoints,
+          role == ImageRole::kReference ? descriptor.DescribeReference(image, keypoints, 1)
+                                        : descriptor.Describe(image, keypoints, 1),
           descriptor.info().model_id};
 }
 
-// As Tracker describes its template.
-Features DescribeTemplate(const Descriptor& descriptor, const Image& image,
-                          const std::vector<Keypoint>& keypoints) {
-  return {image.width, image.height, keypoints, descriptor.DescribeReference(image, keypoints, 1),
-          descriptor.info().model_id};
+// What of the template (view 0) is the object.
+struct TemplateTruth {
+  PixelBox box;
+  Image mask;                 // of view 0's size
+  Image image;                // the box of view 0
+  std::vector<Vec2> samples;  // every 8 pixels of view 0, on the object; none if it is not seen
+};
+
+TemplateTruth FindTemplate(const TruthScene& scene) {
+  const Image& view = scene.ViewImage(0);
+  TemplateTruth found;
+  found.mask = {view.width, view.height, 1, std::vector<std::uint8_t>(view.pixels.size(), 0)};
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const Vec2 p{static_cast<double>(x), static_cast<double>(y)};
+      if (!scene.OnObject(0, p)) continue;
+      found.mask.pixels[static_cast<std::size_t>(y) * view.width + x] = 255;
+      if (x % kSampleStep == 0 && y % kSampleStep == 0) found.samples.push_back(p);
+    }
+  }
+  if (const auto box = BoxOfMask(found.mask)) {
+    found.box = *box;
+    found.image = CutOut(view, *box);
+  }
+  return found;
+}
+
+// The sampled points that a view shows.
+struct ViewTruth {
+  std::vector<Vec2> samples;  // pixels of the template's box
+  std::vector<Vec2> seen;     // where they are in the view
+  double size_px = 0;
+};
+
+ViewTruth FindSeen(TruthScene& scene, const TemplateTruth& reference, int view) {
+  ViewTruth truth;
+  Vec2 low{1e9, 1e9};
+  Vec2 high{-1e9, -1e9};
+  for (const Vec2 p : reference.samples) {
+    const auto q = scene.Map(0, p, view);
+    if (!q) continue;
+    truth.samples.push_back({p.x - reference.box.x, p.y - reference.box.y});
+    truth.seen.push_back(*q);
+    low = {std::min(low.x, q->x), std::min(low.y, q->y)};
+    high = {std::max(high.x, q->x), std::max(high.y, q->y)};
+  }
+  if (!truth.seen.empty()) truth.size_px = std::max(high.x - low.x, high.y - low.y);
+  return truth;
 }
 
 class Benchmark {
@@ -110,17 +156,16 @@ class Benchmark {
     std::vector<Features> templates;
     if (!reference.samples.empty()) {
       const auto keypoints = DetectKeypoints(scene->ViewImage(0), {.max_keypoints = kMaxDetected});
-      // Only what counts is described.
-      Features bare{scene->ViewImage(0).width, scene->ViewImage(0).height, {}, {}, {}};
+      std::vector<Keypoint> on_object;  // only these count, and are described
       for (const Keypoint& k : keypoints) {
         if (!scene->OnObject(0, {k.x, k.y})) continue;
-        bare.keypoints.push_back(k);
-        if (bare.keypoints.size() == static_cast<std::size_t>(options_.max_keypoints)) break;
+        on_object.push_back(k);
+        if (on_object.size() == static_cast<std::size_t>(options_.max_keypoints)) break;
       }
       for (const auto& descriptor : descriptors_) {
-        templates.push_back(
-            FeaturesInside(DescribeTemplate(*descriptor, scene->ViewImage(0), bare.keypoints),
-                           reference.box, reference.mask, bare.keypoints.size()));
+        templates.push_back(FeaturesInside(
+            DescribeAt(*descriptor, scene->ViewImage(0), on_object, ImageRole::kReference),
+            reference.box, reference.mask, on_object.size()));
       }
     }
     for (int view = 1; view < scene->views(); view += options_.every) {
@@ -140,7 +185,7 @@ class Benchmark {
     const Image& image = scene.ViewImage(view);
     const auto keypoints = DetectKeypoints(image, {.max_keypoints = options_.max_keypoints});
     for (std::size_t d = 0; d < descriptors_.size(); ++d) {
-      const Features features = DescribeView(*descriptors_[d], image, keypoints);
+      const Features features = DescribeAt(*descriptors_[d], image, keypoints, ImageRole::kQuery);
       const Location location = Locate(Verifier(features, options_.locate.verification), features,
                                        templates[d], options_.locate);
       TrackedView tracked;
@@ -196,50 +241,6 @@ class Benchmark {
 
 }  // namespace
 
-using evaluation::TruthScene;
-
-TemplateTruth FindTemplate(const TruthScene& scene) {
-  const Image& view = scene.ViewImage(0);
-  TemplateTruth found;
-  found.mask = {view.width, view.height, 1, {}};
-  found.mask.pixels.assign(view.pixels.size(), 0);
-  int left = view.width, top = view.height, right = -1, bottom = -1;
-  for (int y = 0; y < view.height; ++y) {
-    for (int x = 0; x < view.width; ++x) {
-      const Vec2 p{static_cast<double>(x), static_cast<double>(y)};
-      if (!scene.OnObject(0, p)) continue;
-      found.mask.pixels[static_cast<std::size_t>(y) * view.width + x] = 255;
-      left = std::min(left, x), right = std::max(right, x);
-      top = std::min(top, y), bottom = y;
-      if (x % kSampleStep == 0 && y % kSampleStep == 0) found.samples.push_back(p);
-    }
-  }
-  found.box = {left, top, right - left + 1, bottom - top + 1};
-  if (right < 0) return found;
-  found.image = {found.box.width, found.box.height, 1, {}};
-  for (int y = top; y <= bottom; ++y) {
-    const auto row = view.pixels.begin() + static_cast<std::ptrdiff_t>(y) * view.width;
-    found.image.pixels.insert(found.image.pixels.end(), row + left, row + right + 1);
-  }
-  return found;
-}
-
-ViewTruth FindSeen(TruthScene& scene, const TemplateTruth& reference, int view) {
-  ViewTruth truth;
-  Vec2 low{1e9, 1e9};
-  Vec2 high{-1e9, -1e9};
-  for (const Vec2 p : reference.samples) {
-    const auto q = scene.Map(0, p, view);
-    if (!q) continue;
-    truth.samples.push_back({p.x - reference.box.x, p.y - reference.box.y});
-    truth.seen.push_back(*q);
-    low = {std::min(low.x, q->x), std::min(low.y, q->y)};
-    high = {std::max(high.x, q->x), std::max(high.y, q->y)};
-  }
-  if (!truth.seen.empty()) truth.size_px = std::max(high.x - low.x, high.y - low.y);
-  return truth;
-}
-
 std::vector<TrackingSequence> OpenTrackingSequences(const fs::path& folder) {
   std::vector<std::pair<std::string, fs::path>> places;
   std::error_code error;
@@ -258,7 +259,7 @@ std::vector<TrackingSequence> OpenTrackingSequences(const fs::path& folder) {
     if (dataset.layout != evaluation::Layout::kFolders &&
         dataset.layout != evaluation::Layout::kTensors) {
       throw Error(ErrorCode::kInvalidArgument, "not_simulated",
-                  place.string() + " is no set of simulated sequences");
+                  place.string() + " is not a set of simulated sequences");
     }
     for (const evaluation::SceneEntry& scene : dataset.scenes) sequences.push_back({group, scene});
   }

@@ -7,8 +7,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "index/verify/outline.h"
-#include "index/verify/warp_mesh.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
@@ -16,20 +15,6 @@ namespace {
 constexpr int kPointsASide = 17;     // of the reference's longer side
 constexpr std::size_t kLeast = 6;    // points
 constexpr double kAroundSeen = 1.1;  // `seen`, enlarged about its centre
-
-std::vector<Vec2> Enlarged(std::span<const Vec2> outline) {
-  Vec2 centre;
-  for (const Vec2 p : outline) {
-    centre.x += p.x / static_cast<double>(outline.size());
-    centre.y += p.y / static_cast<double>(outline.size());
-  }
-  std::vector<Vec2> enlarged;
-  for (const Vec2 p : outline) {
-    enlarged.push_back(
-        {centre.x + kAroundSeen * (p.x - centre.x), centre.y + kAroundSeen * (p.y - centre.y)});
-  }
-  return enlarged;
-}
 
 // Means over squares of an image.
 class Colours {
@@ -70,12 +55,6 @@ class Colours {
   double cells_a_pixel_;
 };
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double MeanWithoutLight(const std::vector<Vec2>& differences) {
   std::vector<double> a;
   std::vector<double> b;
@@ -97,7 +76,7 @@ std::optional<double> ColourDifference(const Features& query, const Features& re
   if (query.colours.empty() || reference.colours.empty() || seen.size() < 3) return std::nullopt;
   if (reference.width < 2 || reference.height < 2) return std::nullopt;
   const Mesh mesh = WarpMesh(warp, reference.width, reference.height, kPointsASide);
-  const std::vector<Vec2> part = Enlarged(seen);
+  const std::vector<Vec2> part = Enlarged(seen, kAroundSeen);
   const double radius = std::max(reference.width, reference.height) / double{kPointsASide};
   const Colours in_query(query);
   const Colours in_reference(reference);

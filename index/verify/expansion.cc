@@ -7,31 +7,16 @@
 
 #include "descriptor/base/parallel.h"
 #include "index/records/records.h"
-#include "index/verify/features_subset.h"
-#include "index/verify/outline.h"
 #include "index/verify/verification.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
 
-constexpr double kTrusted = 10;   // evidence that an image must have to ask in turn
+constexpr double kTrusted = 10;   // evidence of an image that is used as a further query
 constexpr double kDecay = 0.4;    // of evidence, from link to link
-constexpr double kGrowth = 1.3;   // of the part that agreed: more of the object lies around it
+constexpr double kGrowth = 1.3;   // of the matched part: more of the object lies around it
 constexpr double kSupported = 1;  // less evidence than this moves nothing
-
-// The keypoints in and around the part of the image that agreed with the query.
-Features ObjectsPart(const Features& features, const std::vector<Vec2>& seen) {
-  Vec2 centre{0, 0};
-  for (const Vec2 p : seen) {
-    centre.x += p.x / static_cast<double>(seen.size());
-    centre.y += p.y / static_cast<double>(seen.size());
-  }
-  std::vector<Vec2> part = seen;
-  for (Vec2& p : part) {
-    p = {centre.x + (p.x - centre.x) * kGrowth, centre.y + (p.y - centre.y) * kGrowth};
-  }
-  return Subset(features, [&](const Keypoint& k) { return IsInside({k.x, k.y}, part); });
-}
 
 }  // namespace
 
@@ -45,8 +30,7 @@ std::vector<const VerifiedImage*> ExpansionSources(const std::vector<VerifiedIma
     if (a->inliers() != b->inliers()) return a->inliers() > b->inliers();
     return a->image.ref.id < b->image.ref.id;
   });
-  if (sources.size() > static_cast<std::size_t>(most))
-    sources.resize(static_cast<std::size_t>(most));
+  sources.resize(std::min(sources.size(), static_cast<std::size_t>(most)));
   return sources;
 }
 
@@ -55,12 +39,14 @@ std::unordered_map<std::int64_t, Support> Expand(
     const std::function<std::optional<Features>(std::int64_t version)>& load,
     const std::function<std::vector<RankedImage>(const Features&, std::size_t depth)>& nearest) {
   std::unordered_map<std::int64_t, double> known;  // evidence so far
-  for (const VerifiedImage& image : images) known[image.image.ref.version] = image.evidence;
+  for (const auto& p : images) known[p.image.ref.version] = p.evidence;
   std::unordered_map<std::int64_t, Support> supports;
   for (const VerifiedImage* source : ExpansionSources(images, options.sources)) {
     const auto whole = load(source->image.ref.version);
     if (!whole) continue;
-    const Features part = ObjectsPart(*whole, source->seen);
+    const std::vector<Vec2> outline = Enlarged(source->seen, kGrowth);
+    const Features part =
+        Subset(*whole, [&](const Keypoint& k) { return IsInside({k.x, k.y}, outline); });
     if (part.keypoints.size() < kMinKeypoints) continue;
     const double most = kDecay * source->evidence;
     std::vector<RankedImage> found = nearest(part, options.depth);
@@ -75,7 +61,7 @@ std::unordered_map<std::int64_t, Support> Expand(
       const auto features = load(found[i].ref.version);
       if (!features) return;
       const VerificationResult result = verifier.Verify(*features);
-      evidence[i] = Evidence(result.independent);
+      evidence[i] = Evidence(result.effective_inliers);
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       const double chained = kDecay * std::min(source->evidence, evidence[i]);

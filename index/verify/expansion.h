@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Query expansion through verified images (Chum et al., "Total Recall", ICCV 2007): a view that
-// is bent too far for the query is often found by another view between the two. The object's part
+// Query expansion through verified images (Chum et al., "Total Recall", ICCV 2007): a view that is
+// bent too far for the query is often found through another view between the two. The object's part
 // of the best verified images is used as a further query. Private to index/.
 #pragma once
 
@@ -17,7 +17,7 @@
 
 namespace pliant {
 
-// Support of an image by a verified one with which it agrees.
+// Support of an image by a verified one that it matches.
 struct Support {
   double evidence = 0;  // as Evidence(); 0.4 times that of the weaker link of the chain
   std::string via;      // id of the verified image
@@ -29,13 +29,13 @@ struct ExpansionOptions {
   int threads = 1;         // images in parallel; 0 = all cores
 };
 
-// Those that ask in turn, the surest first.
+// The images that are used as further queries, those with most inliers first.
 std::vector<const VerifiedImage*> ExpansionSources(const std::vector<VerifiedImage>& images,
                                                    int most);
 
-// By version: the images that have more evidence through others than by themselves. `images`
-// are verified already. `load` is as in Rerank; `nearest` ranks the images most like some
-// features by their words, best first, `depth` of them. Deterministic.
+// By version: the images that have more evidence through others than by themselves. `images` are
+// verified already. `load` is as in Rerank; `nearest` ranks the `depth` images that are most
+// similar to some features. Deterministic.
 std::unordered_map<std::int64_t, Support> Expand(
     const std::vector<VerifiedImage>& images, const ExpansionOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load,

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
+#include <string>
 
 #include "descriptor/base/error.h"
-#include "index/verify/outline.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
@@ -15,21 +17,24 @@ namespace {
 // A point of the mesh is held by an inlier that is nearer than this share of the longer side.
 constexpr double kReach = 0.1;
 
-LostReason ToLostReason(TpsRansacFailure failure) {
-  switch (failure) {
-    case TpsRansacFailure::kNone:
-      return LostReason::kNone;
-    case TpsRansacFailure::kTooFew:
-      return LostReason::kFewMatches;
-    case TpsRansacFailure::kNoAgreement:
-      return LostReason::kNoAgreement;
-    case TpsRansacFailure::kDegenerate:
-      return LostReason::kDegenerate;
-    case TpsRansacFailure::kFolded:
-      break;
-  }
-  return LostReason::kFolded;
-}
+struct Reason {
+  LostReason reason;
+  const char* word;
+  const char* sentence;
+  std::optional<TpsRansacFailure> failure = {};  // that it comes from
+};
+
+constexpr Reason kReasons[] = {
+    {LostReason::kNone, "none", "found", TpsRansacFailure::kNone},
+    {LostReason::kFewKeypoints, "few_keypoints", "the image has hardly any keypoints"},
+    {LostReason::kFewMatches, "few_matches", "too few keypoints match", TpsRansacFailure::kTooFew},
+    {LostReason::kNoAgreement, "no_agreement", "the matches do not fit one smooth warp",
+     TpsRansacFailure::kNoAgreement},
+    {LostReason::kDegenerate, "degenerate", "the matches that fit lie on one line",
+     TpsRansacFailure::kDegenerate},
+    {LostReason::kFolded, "folded", "the warp folds over", TpsRansacFailure::kFolded},
+    {LostReason::kFewInliers, "few_inliers", "too few matches fit, which may be chance"},
+    {LostReason::kSmallPatch, "small_patch", "all matches that fit lie in one small area"}};
 
 double Area(const std::vector<Vec2>& polygon) {
   double twice = 0;
@@ -41,8 +46,8 @@ double Area(const std::vector<Vec2>& polygon) {
   return std::abs(twice) / 2;
 }
 
-// The share of the mesh's points that inliers hold and where the warp mirrors, or stretches beyond
-// belief (the Jacobian, see WarpMesh). Elsewhere the spline extrapolates, and the mesh says where.
+// The share of the mesh's points near inliers where the warp mirrors or stretches too much (see
+// WarpMesh). Elsewhere the spline extrapolates, and the mesh says where.
 double FoldedShare(const Mesh& mesh, const std::vector<Vec2>& inliers) {
   const double reach = kReach * std::max(mesh.reference_width, mesh.reference_height);
   int held = 0;
@@ -66,11 +71,7 @@ LostReason Judge(const Features& object, const VerificationResult& result, const
   if (result.inliers.size() < static_cast<std::size_t>(options.min_inliers)) {
     return LostReason::kFewInliers;
   }
-  std::vector<Vec2> inliers;
-  for (const MatchedPair& pair : result.inliers) {
-    const Keypoint& k = object.keypoints[pair.reference];
-    inliers.push_back({k.x, k.y});
-  }
+  const auto inliers = PointsOf(object.keypoints, result.inliers, &MatchedPair::reference);
   const double whole = static_cast<double>(object.width) * object.height;
   if (Area(ConvexHull(inliers)) < options.min_patch * whole) return LostReason::kSmallPatch;
   if (FoldedShare(mesh, inliers) > options.max_folded) return LostReason::kFolded;
@@ -80,47 +81,11 @@ LostReason Judge(const Features& object, const VerificationResult& result, const
 }  // namespace
 
 const char* ToString(LostReason reason) {
-  switch (reason) {
-    case LostReason::kNone:
-      return "none";
-    case LostReason::kFewKeypoints:
-      return "few_keypoints";
-    case LostReason::kFewMatches:
-      return "few_matches";
-    case LostReason::kNoAgreement:
-      return "no_agreement";
-    case LostReason::kDegenerate:
-      return "degenerate";
-    case LostReason::kFolded:
-      return "folded";
-    case LostReason::kFewInliers:
-      return "few_inliers";
-    case LostReason::kSmallPatch:
-      break;
-  }
-  return "small_patch";
+  return std::ranges::find(kReasons, reason, &Reason::reason)->word;
 }
 
-std::string Describe(LostReason reason) {
-  switch (reason) {
-    case LostReason::kNone:
-      return "found";
-    case LostReason::kFewKeypoints:
-      return "the image has hardly any keypoints";
-    case LostReason::kFewMatches:
-      return "too few keypoints match";
-    case LostReason::kNoAgreement:
-      return "the matches agree on no smooth warp";
-    case LostReason::kDegenerate:
-      return "the matches that agree lie on a line";
-    case LostReason::kFolded:
-      return "the warp folds over";
-    case LostReason::kFewInliers:
-      return "so few matches agree that it may be chance";
-    case LostReason::kSmallPatch:
-      break;
-  }
-  return "all matches that agree lie in one small spot";
+const char* Describe(LostReason reason) {
+  return std::ranges::find(kReasons, reason, &Reason::reason)->sentence;
 }
 
 void Validate(const LocateOptions& options) {
@@ -132,7 +97,6 @@ void Validate(const LocateOptions& options) {
   require(options.min_inliers >= 4, "min_inliers", "4 or more");
   require(options.min_patch >= 0 && options.min_patch < 1, "min_patch", "0 to below 1");
   require(options.max_folded >= 0 && options.max_folded <= 1, "max_folded", "0 to 1");
-  require(options.mesh_points >= 2 && options.mesh_points <= 256, "mesh_points", "2 to 256");
 }
 
 Location Locate(const Verifier& image, const Features& image_features, const Features& object,
@@ -142,11 +106,10 @@ Location Locate(const Verifier& image, const Features& image_features, const Fea
   if (location.keypoints < options.min_inliers) return location;
   VerificationResult result = image.Verify(object);
   location.matches = result.matches;
-  location.reason = ToLostReason(result.failure);
-  location.inliers = std::move(result.inliers);
+  location.reason = std::ranges::find(kReasons, result.failure, &Reason::failure)->reason;
+  location.inliers = result.inliers;
   if (!result.warp) return location;
-  Mesh mesh = WarpMesh(*result.warp, object.width, object.height, options.mesh_points);
-  result.inliers = location.inliers;
+  Mesh mesh = WarpMesh(*result.warp, object.width, object.height);
   location.reason = Judge(object, result, mesh, options);
   if (location.reason != LostReason::kNone) return location;
   location.found = true;

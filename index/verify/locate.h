@@ -1,33 +1,28 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where is this object in that image? What the tracker asks of every frame, and the server of one
-// image: the verification of retrieval, and a judgement of whether its warp may be believed.
+// Where is this object in that image? Used by the tracker for every frame, and by the server: the
+// verification of retrieval, and a check whether its warp is plausible.
 #pragma once
-
-#include <string>
 
 #include "descriptor/features/features.h"
 #include "index/records/location.h"
 #include "index/verify/verification.h"
-#include "index/verify/warp_mesh.h"
 
 namespace pliant {
 
-// A stable word for programs: "few_matches".
+// A stable word for programs ("few_matches"), and a sentence for people.
 const char* ToString(LostReason reason);
-// A sentence for people.
-std::string Describe(LostReason reason);
+const char* Describe(LostReason reason);
 
 struct LocateOptions {
   // ransac.iterations is 1500, as in the paper (Potje et al. 2021, supplement: "Non-Rigid Object
   // Tracking"); ransac.regularization is the spline's.
   VerificationOptions verification;
-  int min_inliers = 8;  // among unlike images up to seven agree by chance
+  int min_inliers = 8;  // between different objects up to seven match by chance
   // Of the object's area that the inliers' convex hull must cover.
   double min_patch = 0.02;
   // Share of the mesh near inliers that may mirror or tear (real folds do).
   double max_folded = 0.15;
-  int mesh_points = 17;  // on the object's longer side
 };
 
 // `image` must be made from `image_features` with options.verification. Nothing found is no

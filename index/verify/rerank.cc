@@ -6,33 +6,14 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
 #include "descriptor/base/parallel.h"
-#include "index/verify/outline.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
-
-std::size_t DefaultVerifyDepth(std::size_t images) {
-  constexpr std::size_t kLeast = 100;
-  return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(images))));
-}
-
 namespace {
-
-std::vector<Instance> InstancesOf(const VerificationResult& result) {
-  std::vector<Instance> instances;
-  const auto add = [&](const auto& found) {
-    Instance instance{static_cast<int>(found.inliers.size()), found.independent, {}};
-    for (const Vec2 p : found.outline) instance.polygon.push_back({p.x, p.y});
-    instances.push_back(std::move(instance));
-  };
-  if (result.verified()) add(result);
-  for (const FurtherInstance& other : result.others) add(other);
-  return instances;
-}
 
 // Fitted to real packages and banknotes. Only the ratio to other images' factors matters.
 float ColourFactor(const std::optional<double>& difference) {
@@ -40,30 +21,22 @@ float ColourFactor(const std::optional<double>& difference) {
   return difference ? static_cast<float>(std::sqrt(kNoise + *difference)) : 0.0F;
 }
 
-std::vector<QueryMatch> MatchesOf(const VerificationResult& result) {
-  std::vector<QueryMatch> matches;
-  const auto add = [&](const auto& found) {
-    const float factor = ColourFactor(found.colour_difference);
-    for (std::size_t i = 0; i < found.inliers.size(); ++i) {
-      matches.push_back({found.inliers[i].query, found.distances[i], factor});
-    }
-  };
-  add(result);
-  for (const FurtherInstance& other : result.others) add(other);
-  return matches;
-}
-
-std::vector<Vec2> SeenPart(const Features& features, const std::vector<MatchedPair>& inliers) {
-  std::vector<Vec2> points;
-  points.reserve(inliers.size());
-  for (const MatchedPair& pair : inliers) {
-    const Keypoint& k = features.keypoints[pair.reference];
-    points.push_back({k.x, k.y});
+void AddInstance(const FoundInstance& found, VerifiedImage* image) {
+  Instance instance{static_cast<int>(found.inliers.size()), found.effective_inliers, {}};
+  for (const Vec2 p : found.outline) instance.polygon.push_back({p.x, p.y});
+  image->instances.push_back(std::move(instance));
+  const float factor = ColourFactor(found.colour_difference);
+  for (std::size_t i = 0; i < found.inliers.size(); ++i) {
+    image->matches.push_back({found.inliers[i].query, found.distances[i], factor});
   }
-  return points.size() < 3 ? std::vector<Vec2>() : ConvexHull(std::move(points));
 }
 
 }  // namespace
+
+std::size_t DefaultVerifyDepth(std::size_t images) {
+  constexpr std::size_t kLeast = 100;
+  return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(images))));
+}
 
 std::vector<VerifiedImage> Rerank(
     const Features& query, std::vector<RankedImage> ranking, const RerankOptions& options,
@@ -86,34 +59,35 @@ std::vector<VerifiedImage> Rerank(
         explanation.ranking_score = candidate.image.score;
       }
     }
-    candidate.instances = InstancesOf(result);
-    candidate.matches = MatchesOf(result);
-    candidate.seen = SeenPart(*features, result.inliers);
+    if (result.verified()) AddInstance(result, &candidate);
+    for (const FoundInstance& other : result.others) AddInstance(other, &candidate);
+    candidate.seen =
+        ConvexHull(PointsOf(features->keypoints, result.inliers, &MatchedPair::reference));
     candidate.by_chance = InliersByChance(query.keypoints.size());
-    candidate.evidence = Evidence(result.independent, candidate.by_chance);
+    candidate.evidence = Evidence(result.effective_inliers, candidate.by_chance);
     candidate.image.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
   return images;
 }
 
-bool Agrees(const VerifiedImage& image) {
+bool HasStrongEvidence(const VerifiedImage& image) {
   constexpr double kDecided = 1;
   return image.evidence >= kDecided;
 }
 
 bool IsDecided(const std::vector<VerifiedImage>& images) {
-  return std::any_of(images.begin(), images.end(), Agrees);
+  return std::ranges::any_of(images, HasStrongEvidence);
 }
 
-bool IsEnough(const std::vector<VerifiedImage>& looked_at) {
-  const auto last = std::find_if(looked_at.rbegin(), looked_at.rend(), Agrees);
-  return last != looked_at.rend() && 2 * (looked_at.rend() - last) <= std::ssize(looked_at);
+bool IsEnough(const std::vector<VerifiedImage>& verified) {
+  const auto last = std::find_if(verified.rbegin(), verified.rend(), HasStrongEvidence);
+  return last != verified.rend() && 2 * (verified.rend() - last) <= std::ssize(verified);
 }
 
 void DropWeakEvidence(std::vector<VerifiedImage>* images) {
   if (!IsDecided(*images)) return;
   for (VerifiedImage& image : *images) {
-    if (Agrees(image)) continue;
+    if (HasStrongEvidence(image)) continue;
     image.evidence = 0;
     image.via.clear();
     image.image.score = image.ranking_score;
@@ -121,7 +95,7 @@ void DropWeakEvidence(std::vector<VerifiedImage>* images) {
 }
 
 NearestMatches::Distances NearestMatches::Of(const QueryMatch& match) {
-  // What is the same in grey, to the last bit, is told apart by its colours, too.
+  // Above 0, so that colours also tell apart what is identical in grey.
   constexpr float kLeast = 0.05F;
   return {.plain = match.distance,
           .with_colours = match.colour_factor > 0 ? (kLeast + match.distance) * match.colour_factor
@@ -159,11 +133,10 @@ void KeepExclusiveMatches(std::vector<VerifiedImage>* images) {
   for (VerifiedImage& image : *images) {
     const std::int64_t object = image.image.object;
     if (object == 0 || image.matches.empty()) continue;
-    const auto kept =
-        std::count_if(image.matches.begin(), image.matches.end(),
-                      [&](const QueryMatch& match) { return nearest.Keeps(object, match); });
+    const auto kept = std::ranges::count_if(
+        image.matches, [&](const QueryMatch& match) { return nearest.Keeps(object, match); });
     const double share = static_cast<double>(kept) / static_cast<double>(image.matches.size());
-    image.evidence = Evidence(image.independent(), image.by_chance) * std::sqrt(share);
+    image.evidence = Evidence(image.effective_inliers(), image.by_chance) * std::sqrt(share);
     image.image.score = LiftScore(image.ranking_score, image.evidence);
   }
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Verification of the best images of a ranking, and their order by the combined scores. Private
-// to index/.
+// Verification of the best images of a ranking, and their order by the combined scores. Private to
+// index/.
 #pragma once
 
 #include <cstddef>
@@ -12,18 +12,17 @@
 #include <vector>
 
 #include "descriptor/features/features.h"
-#include "index/rank/ranker.h"
+#include "index/rank/ranking.h"
 #include "index/records/search.h"
-#include "index/verify/explain.h"
 #include "index/verify/verification.h"
 
 namespace pliant {
 
-// A keypoint of the query that an image shows, too.
+// A keypoint of the query that matches an image.
 struct QueryMatch {
   std::uint32_t keypoint = 0;  // of the query
   float distance = 0;          // between the two descriptors
-  float colour_factor = 0;     // larger the more the colours there differ; 0 = they are not known
+  float colour_factor = 0;     // the larger, the more the colours there differ; 0 = unknown
 };
 
 struct VerifiedImage {
@@ -32,19 +31,18 @@ struct VerifiedImage {
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
   double by_chance = 4.5;                // InliersByChance of the query that it was verified with
-  double probability = 0;                // that it is right (SuppressNonMaxima)
-  double evidence = 0;                   // of its own inliers, or through `via` where that is more
+  double probability = 0;                // that the hit is correct (SuppressNonMaxima)
+  double evidence = 0;                   // of its own inliers, or through `via` if that is more
   std::vector<QueryMatch> matches = {};  // of the inliers of all instances
   std::vector<Vec2> seen = {};           // hull of the inliers in this image, original pixels
   std::string via = {};  // id of the verified image that supports it (index/verify/expansion.h)
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
-  double independent() const { return instances.empty() ? 0 : instances.front().independent; }
+  double effective_inliers() const { return instances.empty() ? 0 : instances.front().independent; }
 };
 
-// Largest number of verified images by default: 100, or the square root of the collection's size
-// if that is more, so that correct images do not fall below a fixed depth as the collection
-// grows.
+// Largest number of verified images by default: 100, or the square root of the collection's size if
+// that is more, so that correct images stay within the depth as the collection grows.
 std::size_t DefaultVerifyDepth(std::size_t images);
 
 struct RerankOptions {
@@ -53,25 +51,26 @@ struct RerankOptions {
   int threads = 1;  // images at a time; 0 = all cores
 };
 
-// Verifies the images of `ranking`, in its order. `load` gives an image's features by its
-// ImageRef::version, or nothing for one that was removed meanwhile, which is left unverified; it
-// is called from several threads. Deterministic.
+// Verifies the images of `ranking`, in its order. `load` returns an image's features by its
+// ImageRef::version, or nothing for a removed image, which stays unverified; it is called from
+// several threads. Deterministic.
 std::vector<VerifiedImage> Rerank(
     const Features& query, std::vector<RankedImage> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
 
-// Whether the image, or one of them, agrees with the query as hardly any wrong one does (evidence
-// of 1: 5.5 independent inliers).
-bool Agrees(const VerifiedImage& image);
+// Whether the image, or one of them, has evidence of 1 or more (5.5 effective inliers), as hardly
+// any wrong one has.
+bool HasStrongEvidence(const VerifiedImage& image);
 bool IsDecided(const std::vector<VerifiedImage>& images);
 
-// Whether what was looked at, in the ranking's order, reaches twice as far as the last image that
-// agrees: what shows the same, or something else in the query, is hardly ever further behind.
-bool IsEnough(const std::vector<VerifiedImage>& looked_at);
+// Whether the verified images, in the ranking's order, reach twice as far as the last one with
+// strong evidence: correct images, or those of another object in the query, are hardly ever further
+// down.
+bool IsEnough(const std::vector<VerifiedImage>& verified);
 
-// A few inliers are a hint where nothing better is known. In a decided search, images that have
-// no more (evidence below 1, their own or through `via`) have the ranking's score again: what is
-// left there is nearly all wrong, and not better ordered by what agrees by chance.
+// In a decided search, images without strong evidence (their own or through `via`) get the
+// ranking's score back: nearly all of them are wrong, and chance matches do not order them better.
+// In an undecided search a few inliers count.
 void DropWeakEvidence(std::vector<VerifiedImage>* images);
 
 // Which objects match the keypoints of the query, and how near they are.
@@ -79,14 +78,13 @@ class NearestMatches {
  public:
   explicit NearestMatches(const std::vector<VerifiedImage>& images);
 
-  // Whether no other named object is clearly nearer. `match`: of one of the images, of this
-  // object.
+  // Whether no other named object is clearly nearer. `match`: of one of the images of this object.
   bool Keeps(std::int64_t object, const QueryMatch& match) const;
 
  private:
   struct Distances {
     float plain = 0;
-    float with_colours = 0;  // infinite where no colours are known
+    float with_colours = 0;  // infinite if the colours are unknown
   };
   static Distances Of(const QueryMatch& match);
 
@@ -94,20 +92,20 @@ class NearestMatches {
   std::unordered_map<std::uint32_t, std::unordered_map<std::int64_t, Distances>> nearest_;
 };
 
-// Exclusive assignment of matches: of the named objects whose images match a keypoint of the
-// query, the one with the nearest descriptor has it (of nearly equally near ones each). Between two
-// whose colours are both known, distances count more where the colours of what is seen differ
+// Exclusive assignment of matches: of the named objects whose images match a keypoint of the query,
+// the one with the nearest descriptor keeps the match (if several are nearly equally near, each
+// does). If the colours of both are known, distances count more where the colours differ
 // (index/verify/colour_difference.h). The evidence of an image is multiplied by the square root of
-// the share of its matches that its object keeps, and its score follows. Tells apart objects that
-// have parts in common (notes of one series, packages of one brand): the common part agrees with
-// all of them, and where they differ the right one is nearer. Images of one object, and those
-// without a name, do not take from each other.
+// the share of its matches that its object keeps, and its score follows. This tells apart objects
+// with common parts (notes of one series, packages of one brand): all of them match the common
+// part, and where they differ the correct one is nearer. Images of one object, and images without a
+// name, do not compete.
 void KeepExclusiveMatches(std::vector<VerifiedImage>* images);
 
 // By score, then id.
 void SortByScore(std::vector<VerifiedImage>* images);
 
-// Keeps the best image of each object; an image without object is a group of its own.
+// Keeps the best image of each object, and all images without object.
 void KeepBestOfObjects(std::vector<VerifiedImage>* images);
 
 }  // namespace pliant

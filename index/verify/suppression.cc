@@ -11,21 +11,27 @@
 #include <string>
 #include <unordered_map>
 
-#include "index/verify/outline.h"
 #include "index/verify/verification.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
 
-// Images that are less probable beat nobody, and have nothing to lose.
+// Less probable images do not compete.
 constexpr double kLeastProbability = 0.05;
-// The odds of objects at one place differ by more than their evidence says: what they have in
-// common agrees with both. Fitted to real packages and banknotes.
+// The odds of overlapping objects differ by more than their evidence says: both match their common
+// part. Fitted to real packages and banknotes.
 constexpr double kSharpness = 3;
 
 struct Box {
   Vec2 low, high;
 
+  explicit Box(std::span<const Vec2> outline) : low(outline.front()), high(outline.front()) {
+    for (const Vec2 p : outline) {
+      low = {std::min(low.x, p.x), std::min(low.y, p.y)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+    }
+  }
   bool Meets(const Box& other) const {
     return low.x <= other.high.x && other.low.x <= high.x && low.y <= other.high.y &&
            other.low.y <= high.y;
@@ -33,108 +39,83 @@ struct Box {
 };
 
 // An instance of a named object in the query.
-struct Place {
+struct Detection {
   std::size_t image = 0;     // of the list
   std::size_t instance = 0;  // of the image
+  std::int64_t object = 0;
   std::vector<Vec2> outline;
   std::vector<Vec2> points;  // of the query that it matches
   Box box;                   // of the outline
-  double independent = 0;    // points, each divided by how many lie in its place
   std::size_t kept = 0;      // matches that the object keeps
   double odds = 0;           // of what is seen here alone
 };
 
-Box BoxOf(std::span<const Vec2> outline) {
-  Box box{outline.front(), outline.front()};
-  for (const Vec2 p : outline) {
-    box.low = {std::min(box.low.x, p.x), std::min(box.low.y, p.y)};
-    box.high = {std::max(box.high.x, p.x), std::max(box.high.y, p.y)};
-  }
-  return box;
-}
-
 double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
 
-double OddsAt(const VerifiedImage& image, const Place& place) {
-  const auto points = static_cast<double>(place.points.size());
-  const double share = static_cast<double>(place.kept) / points;
-  const double evidence = Evidence(place.independent, image.by_chance) * std::sqrt(share);
-  return Odds(Probability(LiftScore(image.ranking_score, evidence)));
-}
-
-// The matches of an image stand in the order of its instances.
-std::vector<Place> PlacesOf(const Features& query, const std::vector<VerifiedImage>& images) {
+// The matches of an image are in the order of its instances.
+std::vector<Detection> DetectionsIn(const Features& query,
+                                    const std::vector<VerifiedImage>& images) {
   const NearestMatches nearest(images);
-  std::vector<Place> places;
+  std::vector<Detection> detections;
   for (std::size_t i = 0; i < images.size(); ++i) {
     const VerifiedImage& image = images[i];
-    if (image.image.object == 0 || image.probability < kLeastProbability) continue;
+    const std::int64_t object = image.image.object;
+    if (object == 0 || image.probability < kLeastProbability) continue;
     std::size_t begin = 0;
     for (std::size_t k = 0; k < image.instances.size(); ++k) {
       const Instance& instance = image.instances[k];
-      Place place;
-      place.image = i;
-      place.instance = k;
-      place.independent = instance.independent;
-      for (const Point p : instance.polygon) place.outline.push_back({p.x, p.y});
+      std::vector<Vec2> outline, points;
+      for (const Point p : instance.polygon) outline.push_back({p.x, p.y});
       const std::size_t end =
           std::min(image.matches.size(), begin + static_cast<std::size_t>(instance.inliers));
+      std::size_t kept = 0;
       for (; begin < end; ++begin) {
         const QueryMatch& match = image.matches[begin];
         const Keypoint& point = query.keypoints[match.keypoint];
-        place.points.push_back({point.x, point.y});
-        place.kept += nearest.Keeps(image.image.object, match) ? 1 : 0;
+        points.push_back({point.x, point.y});
+        kept += nearest.Keeps(object, match) ? 1 : 0;
       }
-      if (place.outline.empty() || place.points.empty()) continue;
-      place.box = BoxOf(place.outline);
-      place.odds = OddsAt(image, place);
-      places.push_back(std::move(place));
+      if (outline.empty() || points.empty()) continue;
+      const double share = static_cast<double>(kept) / static_cast<double>(points.size());
+      const double evidence = Evidence(instance.independent, image.by_chance) * std::sqrt(share);
+      const double odds = Odds(Probability(LiftScore(image.ranking_score, evidence)));
+      const Box box(outline);
+      detections.push_back({i, k, object, std::move(outline), std::move(points), box, kept, odds});
     }
   }
-  return places;
+  return detections;
 }
 
-bool HalfInside(std::span<const Vec2> points, std::span<const Vec2> outline) {
-  const auto inside =
-      std::count_if(points.begin(), points.end(), [&](Vec2 p) { return IsInside(p, outline); });
-  return 2 * static_cast<std::size_t>(inside) >= points.size();
-}
-
-bool AreSame(const Place& a, const Place& b) {
+bool Overlap(const Detection& a, const Detection& b) {
   return a.box.Meets(b.box) && HalfInside(a.points, b.outline) && HalfInside(b.points, a.outline);
 }
 
-// How many times more probable it is that something else is there.
-double Doubt(double rivals_odds, double odds) {
-  return std::pow(rivals_odds / std::max(1e-12, odds), kSharpness);
+// How many times more probable another object is there.
+double Doubt(double others_odds, double odds) {
+  return std::pow(others_odds / std::max(1e-12, odds), kSharpness);
 }
 
-// What the other objects at the same place say of it.
-struct Rivals {
-  double doubt = 0;     // all of them
-  bool beaten = false;  // one keeps more
+// What overlapping detections of other objects do to one.
+struct Competition {
+  double doubt = 0;            // by all of them
+  bool is_suppressed = false;  // one of them keeps more matches
 };
 
-Rivals RivalsOf(const Place& place, const std::vector<Place>& places,
-                const std::vector<VerifiedImage>& images) {
-  const auto object_of = [&](const Place& p) { return images[p.image].image.object; };
-  Rivals rivals;
-  std::map<std::int64_t, double> doubts;  // the most of each object
-  for (const Place& other : places) {
-    if (object_of(other) == object_of(place) || other.kept == place.kept ||
-        !AreSame(place, other)) {
-      continue;
-    }
-    double& doubt = doubts[object_of(other)];
-    doubt = std::max(doubt, Doubt(other.odds, place.odds));
-    if (other.kept > place.kept) rivals.beaten = true;
+Competition CompetitionOf(const Detection& own, const std::vector<Detection>& detections) {
+  Competition competition;
+  std::map<std::int64_t, double> doubts;  // the largest of each object
+  for (const Detection& other : detections) {
+    if (other.object == own.object || other.kept == own.kept || !Overlap(own, other)) continue;
+    double& doubt = doubts[other.object];
+    doubt = std::max(doubt, Doubt(other.odds, own.odds));
+    competition.is_suppressed |= other.kept > own.kept;
   }
-  for (const auto& [object, doubt] : doubts) rivals.doubt += doubt;
-  return rivals;
+  for (const auto& [object, doubt] : doubts) competition.doubt += doubt;
+  return competition;
 }
 
-// What agrees with the query through another image is no more probable than that one is, and less
-// where the two have different names.
+// An image that is supported through another one is no more probable than that one, and less if the
+// two have different names.
 void FollowTheirSources(std::vector<VerifiedImage>* images) {
   std::unordered_map<std::string, const VerifiedImage*> by_id;
   std::vector<VerifiedImage*> supported;
@@ -152,13 +133,13 @@ void FollowTheirSources(std::vector<VerifiedImage>* images) {
     const double alone = Probability(image->image.score);
     const double sources = Probability(source.image.score);
     const std::int64_t object = image->image.object;
-    const bool is_rival = object != 0 && source.image.object != 0 && object != source.image.object;
+    const bool differ = object != 0 && source.image.object != 0 && object != source.image.object;
     image->probability = alone * source.probability / std::max(1e-12, sources) /
-                         (1 + (is_rival ? Doubt(Odds(sources), Odds(alone)) : 0));
+                         (1 + (differ ? Doubt(Odds(sources), Odds(alone)) : 0));
   }
 }
 
-// Takes these instances, in ascending order, from the image; the first one where all would go.
+// Removes these instances, in ascending order, from the image, but keeps the first of all.
 void Drop(std::vector<std::size_t> instances, VerifiedImage* image) {
   if (instances.size() == image->instances.size() && !instances.empty()) {
     instances.erase(instances.begin());
@@ -178,14 +159,14 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
   for (VerifiedImage& image : *images) {
     image.probability = Probability(image.image.score);
   }
-  const std::vector<Place> places = PlacesOf(query, *images);
+  const std::vector<Detection> detections = DetectionsIn(query, *images);
   std::vector<double> doubts(images->size(), std::numeric_limits<double>::infinity());
   std::vector<std::vector<std::size_t>> lost(images->size());  // instances
-  for (const Place& place : places) {
-    const Rivals rivals = RivalsOf(place, places, *images);
-    double& doubt = doubts[place.image];
-    doubt = std::min(doubt, rivals.doubt);
-    if (rivals.beaten) lost[place.image].push_back(place.instance);
+  for (const Detection& detection : detections) {
+    const Competition competition = CompetitionOf(detection, detections);
+    double& doubt = doubts[detection.image];
+    doubt = std::min(doubt, competition.doubt);
+    if (competition.is_suppressed) lost[detection.image].push_back(detection.instance);
   }
   for (std::size_t i = 0; i < images->size(); ++i) {
     if (std::isfinite(doubts[i])) (*images)[i].probability /= 1 + doubts[i];

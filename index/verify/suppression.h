@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Non-maximum suppression between objects that are seen at one place of the query. Private to
-// index/.
+// Non-maximum suppression between objects. Private to index/.
 #pragma once
 
 #include <vector>
@@ -11,20 +10,20 @@
 
 namespace pliant {
 
-// A place of the query shows one thing: where instances of several named objects lie at the same
-// place (at least half of the keypoints of each inside of the outline of the other), one of them
-// is right. Notes of one series, packages of one brand: each agrees with the part that they have in
-// common.
-//   - Each has its share of the probability: p / (1 + the sum of (o' / o)³), with its own
-//     probability p, its odds o there and those o' of each other object. An object that is seen in
-//     several places has the largest of its shares. Scores stay, and so the order.
-//   - The one that keeps most of its matches (KeepExclusiveMatches) has the place: instances of the
-//     others there go, as far as one is left.
-// What keeps equally many matches, as copies under two names do, is no rival. Neither are images
-// without a name, whatever they show, nor those of the same object. An image that agrees through
-// another one (`via`) has as much of its probability as that one has, and of another object than
-// that one less, as if both were seen at one place. Sets `probability` of all images. `query`:
-// what `images` were verified against.
+// One part of the query shows one thing. If instances of several named objects overlap (at least
+// half of the keypoints of each inside the outline of the other), one of them is correct. Notes of
+// one series, packages of one brand: each matches their common part.
+//   - Each gets a share of the probability: p / (1 + the sum of (o' / o)³), with its own
+//   probability
+//     p, its odds o there and the odds o' of each other object. An object with several instances
+//     gets the largest of its shares. Scores stay, and so the order.
+//   - The object that keeps most of its matches (KeepExclusiveMatches) wins: overlapping instances
+//   of
+//     the others are removed, but one of each image stays.
+// Objects that keep equally many matches, as copies under two names do, do not compete. Neither do
+// images without a name, nor those of the same object. An image supported through another one
+// (`via`) loses the same share of its probability as that one, and more if the two show different
+// objects. Sets `probability` of all images. `query`: what `images` were verified against.
 void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images);
 
 }  // namespace pliant

@@ -6,22 +6,23 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <map>
+#include <numeric>
 #include <string>
 #include <utility>
 
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
 #include "index/verify/colour_difference.h"
-#include "index/verify/independence.h"
-#include "index/verify/outline.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
 
 constexpr int kOutlinePointsASide = 8;
 constexpr double kMaxFrameScaleFactor = 4;
-// Inliers nearer than this are in one place: in the query as a multiple of the warp's tolerance, in
-// the reference as a share of its longer side.
+// Inliers nearer than this count as one: in the query as a multiple of the warp's tolerance, in the
+// reference as a share of its longer side.
 constexpr double kPlaceInTolerances = 1.5;
 constexpr double kPlaceInReference = 0.02;
 
@@ -29,7 +30,7 @@ void Check(const Features& features, const char* what) {
   CheckDescriptors(features.descriptors, what);
   if (features.descriptors.rows != features.keypoints.size()) {
     throw Error(ErrorCode::kInvalidArgument, "features_malformed",
-                std::string(what) + ": as many descriptors as keypoints are needed.");
+                std::string(what) + " must have as many descriptors as keypoints.");
   }
 }
 
@@ -49,57 +50,11 @@ double Extent(const std::vector<Keypoint>& keypoints) {
 
 double MedianScale(const ThinPlateSpline& warp, const std::vector<Vec2>& points) {
   std::vector<double> scales;
-  for (const Vec2 p : points) {
-    const auto [a, b, c, d] = warp.Jacobian(p);
-    scales.push_back(std::sqrt(std::max(0.0, a * d - b * c)));
-  }
-  const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
-  std::nth_element(scales.begin(), middle, scales.end());
-  return *middle;
+  for (const Vec2 p : points) scales.push_back(std::max(0.0, LocalScale(warp, p)));
+  return Median(std::move(scales));
 }
 
-std::vector<Vec2> PointsOf(const std::vector<Keypoint>& keypoints,
-                           const std::vector<MatchedPair>& pairs,
-                           std::uint32_t MatchedPair::* which) {
-  std::vector<Vec2> points;
-  points.reserve(pairs.size());
-  for (const MatchedPair& pair : pairs) {
-    const Keypoint& k = keypoints[pair.*which];
-    points.push_back({k.x, k.y});
-  }
-  return points;
-}
-
-std::vector<Vec2> Outline(const Features& query, const Features& reference,
-                          const std::vector<MatchedPair>& inliers, const ThinPlateSpline& warp) {
-  const auto in_reference = PointsOf(reference.keypoints, inliers, &MatchedPair::reference);
-  if (MapsFrameSanely(warp, reference.width, reference.height, MedianScale(warp, in_reference),
-                      kMaxFrameScaleFactor)) {
-    auto frame = WarpFrame(warp, reference.width, reference.height, kOutlinePointsASide);
-    if (!CrossesItself(frame)) return frame;
-  }
-  return ConvexHull(PointsOf(query.keypoints, inliers, &MatchedPair::query));
-}
-
-// In a Match of this file `reference` is the query's keypoint and `query` the reference's: the
-// reference is the side that is packed.
-std::vector<MatchedPair> PairsOf(const std::vector<Match>& matches,
-                                 const std::vector<std::uint32_t>& inliers) {
-  std::vector<MatchedPair> pairs;
-  pairs.reserve(inliers.size());
-  for (const std::uint32_t i : inliers) pairs.push_back({matches[i].reference, matches[i].query});
-  return pairs;
-}
-
-std::vector<float> DistancesOf(const std::vector<Match>& matches,
-                               const std::vector<std::uint32_t>& inliers) {
-  std::vector<float> distances;
-  distances.reserve(inliers.size());
-  for (const std::uint32_t i : inliers) distances.push_back(matches[i].distance);
-  return distances;
-}
-
-// What is known of the instances found so far.
+// The instances found so far.
 class Found {
  public:
   Found(const Features& query, const Features& reference)
@@ -112,18 +67,14 @@ class Found {
   }
   bool Explains(std::uint32_t query_keypoint) const {
     const Keypoint& k = query_.keypoints[query_keypoint];
-    return used_[query_keypoint] ||
-           std::any_of(outlines_.begin(), outlines_.end(),
-                       [&](const auto& outline) { return IsInside({k.x, k.y}, outline); });
+    return used_[query_keypoint] || std::ranges::any_of(outlines_, [&](const auto& outline) {
+             return IsInside({k.x, k.y}, outline);
+           });
   }
-  // Whether half of the pairs or more show what some instance has shown.
+  // Whether at least half of the pairs show a part that another instance shows.
   bool ShowsAgain(const std::vector<MatchedPair>& pairs) const {
-    return std::any_of(seen_.begin(), seen_.end(), [&](const auto& hull) {
-      const auto points = PointsOf(reference_.keypoints, pairs, &MatchedPair::reference);
-      const auto inside =
-          std::count_if(points.begin(), points.end(), [&](Vec2 p) { return IsInside(p, hull); });
-      return 2 * static_cast<std::size_t>(inside) >= points.size();
-    });
+    const auto points = PointsOf(reference_.keypoints, pairs, &MatchedPair::reference);
+    return std::ranges::any_of(seen_, [&](const auto& hull) { return HalfInside(points, hull); });
   }
 
  private:
@@ -133,6 +84,29 @@ class Found {
   std::vector<std::vector<Vec2>> outlines_;  // in the query
   std::vector<std::vector<Vec2>> seen_;      // in the reference
 };
+
+bool AreNear(const Keypoint& a, const Keypoint& b, float radius) {
+  const float x = a.x - b.x;
+  const float y = a.y - b.y;
+  return x * x + y * y <= radius * radius;
+}
+
+std::string FailureInWords(const VerificationResult& result) {
+  const std::string matches = std::to_string(result.matches);
+  switch (result.failure) {
+    case TpsRansacFailure::kNone:
+      break;
+    case TpsRansacFailure::kTooFew:
+      return "Only " + matches + " keypoints match, which is too few.";
+    case TpsRansacFailure::kNoAgreement:
+      return "The " + matches + " matches do not fit one smooth warp.";
+    case TpsRansacFailure::kDegenerate:
+      return "The matches that fit lie on one line, so they do not show how the object bends.";
+    case TpsRansacFailure::kFolded:
+      return "The matches that fit would fold the object over itself.";
+  }
+  return "";
+}
 
 }  // namespace
 
@@ -188,29 +162,39 @@ TpsRansacOptions Verifier::RansacFor(const Features& reference) const {
   return ransac;
 }
 
-double Verifier::Independent(const Features& reference, const std::vector<MatchedPair>& inliers,
-                             const ThinPlateSpline& warp, const TpsRansacOptions& ransac) const {
-  const double scale =
-      MedianScale(warp, PointsOf(reference.keypoints, inliers, &MatchedPair::reference));
-  return IndependentInliers(query_, reference, inliers,
-                            kPlaceInTolerances * ToleranceAt(ransac, scale * scale),
-                            kPlaceInReference * std::max(reference.width, reference.height));
-}
-
-std::optional<double> Verifier::Colours(const Features& reference,
-                                        const std::vector<MatchedPair>& inliers,
-                                        const ThinPlateSpline& warp) const {
-  const auto seen = PointsOf(reference.keypoints, inliers, &MatchedPair::reference);
-  return ColourDifference(query_, reference, warp, ConvexHull(seen), MedianScale(warp, seen));
+// In a Match of this file `reference` is the query's keypoint and `query` the reference's: the
+// reference is the side that is packed.
+FoundInstance Verifier::InstanceOf(const Features& reference, const std::vector<Match>& matches,
+                                   TpsRansacResult agreed, const TpsRansacOptions& ransac) const {
+  FoundInstance found;
+  for (const std::uint32_t i : agreed.inliers) {
+    found.inliers.push_back({matches[i].reference, matches[i].query});
+    found.distances.push_back(matches[i].distance);
+  }
+  const ThinPlateSpline& warp = *agreed.warp;
+  const int width = reference.width;
+  const int height = reference.height;
+  const auto seen = PointsOf(reference.keypoints, found.inliers, &MatchedPair::reference);
+  const double scale = MedianScale(warp, seen);
+  found.effective_inliers = EffectiveInliers(
+      query_, reference, found.inliers, kPlaceInTolerances * ToleranceAt(ransac, scale * scale),
+      kPlaceInReference * std::max(width, height));
+  found.colour_difference = ColourDifference(query_, reference, warp, ConvexHull(seen), scale);
+  if (MapsFrameSanely(warp, width, height, scale, kMaxFrameScaleFactor)) {
+    found.outline = WarpFrame(warp, width, height, kOutlinePointsASide);
+  }
+  if (found.outline.empty() || CrossesItself(found.outline)) {
+    found.outline = ConvexHull(PointsOf(query_.keypoints, found.inliers, &MatchedPair::query));
+  }
+  found.warp = std::move(agreed.warp);
+  return found;
 }
 
 VerificationResult Verifier::Verify(const Features& reference) const {
   if (reference.model_id != query_.model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
                 "Features of model " + query_.model_id +
-                    " cannot be verified against features of "
-                    "model " +
-                    reference.model_id + ".");
+                    " cannot be verified against features of model " + reference.model_id + ".");
   }
   VerificationResult result;
   if (query_.keypoints.empty() || reference.keypoints.empty()) return result;
@@ -223,14 +207,9 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   const TpsRansacOptions ransac = RansacFor(reference);
   TpsRansacResult agreed = TpsRansac(Correspondences(reference, mutual), ransac);
   result.failure = agreed.failure;
-  result.warp = std::move(agreed.warp);
-  if (!result.warp) return result;
-  result.inliers = PairsOf(mutual, agreed.inliers);
-  result.distances = DistancesOf(mutual, agreed.inliers);
+  if (!agreed.warp) return result;
+  static_cast<FoundInstance&>(result) = InstanceOf(reference, mutual, std::move(agreed), ransac);
   result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
-  result.independent = Independent(reference, result.inliers, *result.warp, ransac);
-  result.outline = Outline(query_, reference, result.inliers, *result.warp);
-  result.colour_difference = Colours(reference, result.inliers, *result.warp);
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
   return result;
 }
@@ -241,46 +220,75 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
   ransac.min_inliers *= 2;
   Found found(query_, reference);
   found.Add(result->inliers, result->outline);
-  // A part of an instance bent too sharply costs a round and is no instance.
+  std::multimap<std::size_t, FoundInstance, std::greater<>> others;  // by their inliers
+  // A sharply bent part of an instance costs a round, but is not an instance of its own.
   for (int round = 1; round < 2 * options_.max_instances; ++round) {
-    if (static_cast<int>(result->others.size()) + 1 >= options_.max_instances) break;
+    if (static_cast<int>(others.size()) + 1 >= options_.max_instances) break;
     std::vector<Match> left;
     std::copy_if(matches.begin(), matches.end(), std::back_inserter(left),
                  [&](const Match& match) { return !found.Explains(match.reference); });
     TpsRansacResult agreed = TpsRansac(Correspondences(reference, left), ransac);
     if (!agreed.warp) break;
-    const auto inliers = PairsOf(left, agreed.inliers);
-    const auto outline = Outline(query_, reference, inliers, *agreed.warp);
-    if (found.ShowsAgain(inliers)) {
-      result->others.push_back({inliers, DistancesOf(left, agreed.inliers),
-                                Independent(reference, inliers, *agreed.warp, ransac),
-                                Colours(reference, inliers, *agreed.warp), *agreed.warp, outline});
-      found.Add(inliers, outline);
+    FoundInstance other = InstanceOf(reference, left, std::move(agreed), ransac);
+    if (found.ShowsAgain(other.inliers)) {
+      found.Add(other.inliers, other.outline);
+      others.emplace(other.inliers.size(), std::move(other));
     } else {
-      found.Add(inliers, ConvexHull(PointsOf(query_.keypoints, inliers, &MatchedPair::query)));
+      found.Add(other.inliers,
+                ConvexHull(PointsOf(query_.keypoints, other.inliers, &MatchedPair::query)));
     }
   }
-  std::stable_sort(result->others.begin(), result->others.end(),
-                   [](const FurtherInstance& a, const FurtherInstance& b) {
-                     return a.inliers.size() > b.inliers.size();
-                   });
+  for (auto& [inliers, other] : others) result->others.push_back(std::move(other));
+}
+
+Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep) {
+  Features kept{features.width, features.height, {}, {}, features.model_id, features.colours};
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < features.keypoints.size(); ++i) {
+    if (!keep(features.keypoints[i])) continue;
+    kept.keypoints.push_back(features.keypoints[i]);
+    rows.push_back(i);
+  }
+  kept.descriptors = SelectRows(features.descriptors, rows);
+  return kept;
+}
+
+double EffectiveInliers(const Features& query, const Features& reference,
+                        const std::vector<MatchedPair>& inliers, double query_radius,
+                        double reference_radius) {
+  const auto in_query = static_cast<float>(query_radius);
+  const auto in_reference = static_cast<float>(reference_radius);
+  std::vector<int> near(inliers.size(), 1);
+  for (std::size_t i = 0; i < inliers.size(); ++i) {
+    const Keypoint& q = query.keypoints[inliers[i].query];
+    const Keypoint& r = reference.keypoints[inliers[i].reference];
+    for (std::size_t j = 0; j < i; ++j) {
+      if (AreNear(q, query.keypoints[inliers[j].query], in_query) ||
+          AreNear(r, reference.keypoints[inliers[j].reference], in_reference)) {
+        ++near[i];
+        ++near[j];
+      }
+    }
+  }
+  return std::accumulate(near.begin(), near.end(), 0.0,
+                         [](double sum, int n) { return sum + 1.0 / n; });
 }
 
 double InliersByChance(std::size_t query_keypoints) {
   constexpr double kUsual = 4.5;
-  constexpr double kAnOctave = 1.5;  // more for twice the keypoints, and no more than that
+  constexpr double kAnOctave = 1.5;  // more for twice the keypoints, at most
   constexpr double kUsualKeypoints = 2048;
   const double octaves = std::log2(static_cast<double>(query_keypoints) / kUsualKeypoints);
   return kUsual + kAnOctave * std::clamp(octaves, 0.0, 1.0);
 }
 
-double Evidence(double independent, double by_chance) {
+double Evidence(double effective_inliers, double by_chance) {
   constexpr double kOfAnyWarp = 0.25;
-  return independent <= 0 ? 0 : std::max(kOfAnyWarp, independent - by_chance);
+  return effective_inliers <= 0 ? 0 : std::max(kOfAnyWarp, effective_inliers - by_chance);
 }
 
 double LiftScore(double ranking_score, double evidence) {
-  constexpr double kLeast = 1e-6;  // nothing is too unlike to be lifted by its inliers
+  constexpr double kLeast = 1e-6;  // inliers can lift even the lowest score
   if (evidence <= 0) return ranking_score;
   const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, 4);
   return lifted / (lifted + 1 - std::min(1 - kLeast, ranking_score));
@@ -289,6 +297,33 @@ double LiftScore(double ranking_score, double evidence) {
 double Probability(double score) {
   constexpr double kOdds = 30;
   return kOdds * score / (kOdds * score + 1 - score);
+}
+
+std::vector<Explanation> ExplainInstances(const Features& query, const Features& reference,
+                                          const VerificationResult& result) {
+  Explanation common;
+  common.verified = result.verified();
+  common.failure = FailureInWords(result);
+  common.matches = result.matches;
+  common.reference_width = reference.width;
+  common.reference_height = reference.height;
+  std::vector<Explanation> explanations;
+  const auto add = [&](const FoundInstance& found) {
+    Explanation& explanation = explanations.emplace_back(common);
+    explanation.inlier_fraction =
+        std::min(1.0, static_cast<double>(found.inliers.size()) / std::max(1, result.matches));
+    explanation.independent_inliers = found.effective_inliers;
+    explanation.colour_difference = found.colour_difference;
+    for (const MatchedPair& pair : found.inliers) {
+      const Keypoint& q = query.keypoints[pair.query];
+      const Keypoint& r = reference.keypoints[pair.reference];
+      explanation.inliers.push_back({{q.x, q.y}, {r.x, r.y}});
+    }
+    if (found.warp) explanation.mesh = WarpMesh(*found.warp, reference.width, reference.height);
+  };
+  add(result);
+  std::ranges::for_each(result.others, add);
+  return explanations;
 }
 
 }  // namespace pliant

@@ -21,8 +21,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/strings.h"
 #include "index/store/database_url.h"
-#include "index/usage/checks.h"
-#include "index/usage/usage_error.h"
+#include "index/usage/usage.h"
 
 namespace pliant::server {
 

@@ -20,8 +20,8 @@
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
-#include "index/cli/flag_names.h"
 #include "index/store/open_store.h"
+#include "index/usage/usage.h"
 #include "server/auth/gate.h"
 #include "server/http/http_server.h"
 #include "server/http/json.h"

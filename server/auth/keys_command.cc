@@ -13,8 +13,7 @@
 #include "index/files/text.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
-#include "index/usage/checks.h"
-#include "index/usage/usage_error.h"
+#include "index/usage/usage.h"
 #include "server/auth/api_keys.h"
 #include "server/http/json.h"
 

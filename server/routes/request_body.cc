@@ -10,7 +10,6 @@
 #include "descriptor/base/base64.h"
 #include "index/files/text.h"
 #include "server/http/json.h"
-#include "server/http/multipart.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {

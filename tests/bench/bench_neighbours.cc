@@ -22,7 +22,6 @@
 #include "descriptor/match/distance.h"
 #include "index/rank/neighbour_votes.h"
 #include "index/rank/ranking.h"
-#include "index/rank/scoring.h"
 #include "tests/bench/ranking_sets.h"
 
 namespace pliant::bench {
@@ -150,10 +149,10 @@ Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
       std::vector<float> sums(segment.size(), 0.0F);
       SumVotes(&votes[i], &sums);
       for (std::uint32_t p = 0; p < sums.size(); ++p) {
-        const double score = query.Score(sums[p], segment.total(p));
+        const double score = query.Score(sums[p], segment[p].keypoints);
         if (score > best) {
           best = score;
-          first = segment.key(p);
+          first = segment[p].key;
         }
       }
     }

@@ -188,7 +188,7 @@ TEST_F(CliMatching, ImagesAndDrawingsGoThroughPipes) {
 
   const ProgramResult both = shell("- - < a.png");
   EXPECT_EQ(both.status, 2);
-  EXPECT_THAT(both.err, HasSubstr("only one of both images can be standard input"));
+  EXPECT_THAT(both.err, HasSubstr("only one of the two images can be standard input"));
   const ProgramResult twice = shell("a.png b.png --draw - --json");
   EXPECT_EQ(twice.status, 2);
   EXPECT_THAT(twice.err, HasSubstr("--draw - and --json would both write to standard output"));

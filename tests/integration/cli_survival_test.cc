@@ -46,7 +46,10 @@ class SurvivalTest : public ::testing::Test {
   std::size_t StrayFiles() {
     std::size_t stray = 0;
     for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
-      stray += entry.path().filename().string().find(".new-") != std::string::npos ? 1 : 0;
+      const std::string name = entry.path().filename().string();
+      const bool is_stray =
+          name.find(".new-") != std::string::npos || name.find(".part-") != std::string::npos;
+      stray += is_stray ? 1 : 0;
     }
     return stray;
   }

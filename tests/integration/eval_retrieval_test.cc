@@ -233,7 +233,7 @@ TEST_F(EvalRetrievalTest, TwoDoNotWorkInOneCache) {
   ASSERT_EQ(::flock(other, LOCK_EX), 0);
   const ProgramResult refused = Eval({"--cache", cache.string()});
   EXPECT_NE(refused.status, 0);
-  EXPECT_THAT(refused.err, HasSubstr("another evaluation works in"));
+  EXPECT_THAT(refused.err, HasSubstr("another evaluation is running in"));
   ::close(other);
   EXPECT_EQ(Eval({"--cache", cache.string()}).status, 0);
 }

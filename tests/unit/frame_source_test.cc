@@ -10,7 +10,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/video.h"
-#include "index/tracking/channel.h"
+#include "index/tracking/pipeline.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
 

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/verify/independence.h"
-
 #include <gtest/gtest.h>
+
+#include "index/verify/verification.h"
 
 namespace pliant {
 namespace {
@@ -24,15 +24,15 @@ Features At(const std::vector<int>& places) {
 double Count(const Features& query, const Features& reference) {
   std::vector<MatchedPair> pairs;
   for (std::uint32_t i = 0; i < query.keypoints.size(); ++i) pairs.push_back({i, i});
-  return IndependentInliers(query, reference, pairs, 10, 10);
+  return EffectiveInliers(query, reference, pairs, 10, 10);
 }
 
-TEST(IndependentInliers, CountWhollyWhereTheyStandApart) {
+TEST(EffectiveInliers, CountWhollyWhereTheyStandApart) {
   EXPECT_DOUBLE_EQ(Count(At({1, 1, 1, 1}), At({1, 1, 1, 1})), 4);
   EXPECT_DOUBLE_EQ(Count({}, {}), 0);
 }
 
-TEST(IndependentInliers, CountOnceInOnePlaceOfTheQueryOrOfTheReference) {
+TEST(EffectiveInliers, CountOnceInOnePlaceOfTheQueryOrOfTheReference) {
   EXPECT_DOUBLE_EQ(Count(At({6}), At({6})), 1);
   EXPECT_DOUBLE_EQ(Count(At({6}), At({1, 1, 1, 1, 1, 1})), 1);
   EXPECT_DOUBLE_EQ(Count(At({1, 1, 1, 1, 1, 1}), At({6})), 1);
@@ -41,7 +41,7 @@ TEST(IndependentInliers, CountOnceInOnePlaceOfTheQueryOrOfTheReference) {
   EXPECT_DOUBLE_EQ(Count(At({3, 1, 1}), At({1, 1, 3})), 4 / 3.0 + 1 / 5.0);
 }
 
-TEST(IndependentInliers, ThoseAtTheRadiusAreNear) {
+TEST(EffectiveInliers, ThoseAtTheRadiusAreNear) {
   EXPECT_DOUBLE_EQ(Count(At({11}), At({11})), 1);  // 0 .. 10 pixels
   Features features = At({2});
   features.keypoints[1].x = 10.5F;

@@ -20,6 +20,18 @@
 namespace pliant::testing {
 namespace {
 
+// Of the living images, ascending.
+std::vector<std::int64_t> KeysOf(const IndexSnapshot& snapshot) {
+  std::vector<std::int64_t> keys;
+  for (const IndexSnapshot::Part& part : snapshot.parts) {
+    for (std::size_t p = 0; p < part.segment->size(); ++p) {
+      if (!part.IsDead(p)) keys.push_back((*part.segment)[p].key);
+    }
+  }
+  std::sort(keys.begin(), keys.end());
+  return keys;
+}
+
 struct Truth {
   std::int64_t object = 0;
   std::string id;
@@ -149,7 +161,7 @@ TEST_P(RandomChanges, AgreeWithTheOracle) {
     EXPECT_EQ(bow->words, ToBow(truth.counts).words);
     EXPECT_EQ(bow->codes, ToBow(truth.counts).codes);
   }
-  EXPECT_EQ(snapshot->Keys(), keys);
+  EXPECT_EQ(KeysOf(*snapshot), keys);
   ExpectAllRankings(*snapshot, truths, random, words);
 }
 
@@ -159,8 +171,8 @@ TEST(InvertedIndex, ASnapshotStaysAsItWas) {
   const auto before = index.snapshot();
   const std::vector<std::int64_t> removed = {1};
   index.Apply({MakeImage(2, {{1, 2}})}, removed);
-  EXPECT_EQ(before->Keys(), std::vector<std::int64_t>{1});
-  EXPECT_EQ(index.snapshot()->Keys(), std::vector<std::int64_t>{2});
+  EXPECT_EQ(KeysOf(*before), std::vector<std::int64_t>{1});
+  EXPECT_EQ(KeysOf(*index.snapshot()), std::vector<std::int64_t>{2});
   EXPECT_TRUE(before->Find(1));
   EXPECT_FALSE(index.snapshot()->Find(1));
 }

@@ -1,14 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Checks and errors of command lines.
+#include "index/usage/usage.h"
+
 #include <algorithm>
 #include <fstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include "index/usage/checks.h"
-#include "index/usage/usage_error.h"
 
 namespace pliant::cli {
 namespace {
@@ -25,8 +24,8 @@ struct Program {
     eat->add_option("FILE", file, "what")->required();
     AddChoice<Fruit>(*eat, "--fruit", fruit, "which",
                      {{"apple", Fruit::kApple}, {"pear", Fruit::kPear}});
-    AddChoices<Fruit>(*eat, "--salad", salad, "several",
-                      {{"apple", Fruit::kApple}, {"pear", Fruit::kPear}});
+    AddChoice<Fruit>(*eat, "--salad", salad, "several",
+                     {{"apple", Fruit::kApple}, {"pear", Fruit::kPear}});
     eat->add_option("--count,-n", count, ".how many")->check(Between(1, 9))->capture_default_str();
     eat->add_option("--share", share, "of it")->check(AboveZero());
     eat->add_option("--rest", share, "of it")->check(AtLeast(0.5));

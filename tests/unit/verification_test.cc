@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
-#include "index/verify/outline.h"
+#include "index/verify/warp_geometry.h"
 #include "tests/unit/random_descriptors.h"
 
 namespace pliant {
@@ -116,7 +116,7 @@ TEST_P(VerificationKinds, FindsTheObjectAgainElsewhere) {
   };
   const bool first_is_right = is_right(result.inliers[0]);
   for (const MatchedPair& pair : result.inliers) EXPECT_EQ(is_right(pair), first_is_right);
-  const FurtherInstance& other = result.others[0];
+  const FoundInstance& other = result.others[0];
   EXPECT_GE(other.inliers.size(), 80U);
   for (const MatchedPair& pair : other.inliers) EXPECT_NE(is_right(pair), first_is_right);
   for (const Vec2 corner : other.outline) EXPECT_NE(corner.x > 1.5 * kWidth, first_is_right);
@@ -161,7 +161,7 @@ TEST(Verification, InliersOfASmallObjectStandApart) {
   ASSERT_TRUE(shrinking.verified());
   ASSERT_TRUE(fixed.verified());
   EXPECT_GT(shrinking.inliers.size(), 35U);
-  EXPECT_GT(shrinking.independent, 1.5 * fixed.independent);
+  EXPECT_GT(shrinking.effective_inliers, 1.5 * fixed.effective_inliers);
 }
 
 // A part of a large photograph: its own size decides, not the photograph's.
@@ -179,7 +179,7 @@ TEST(Verification, APartOfALargeImageIsLookedAtAsFinely) {
   const auto in_part = Verifier(part).Verify(reference);
   ASSERT_TRUE(whole.verified());
   ASSERT_TRUE(in_part.verified());
-  EXPECT_GT(in_part.independent, 0.6 * whole.independent);
+  EXPECT_GT(in_part.effective_inliers, 0.6 * whole.effective_inliers);
 }
 
 TEST(Verification, FewOrNoKeypoints) {

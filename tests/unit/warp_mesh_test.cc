@@ -1,7 +1,5 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/verify/warp_mesh.h"
-
 #include <cmath>
 #include <vector>
 
@@ -9,6 +7,7 @@
 
 #include "descriptor/base/error.h"
 #include "index/json/result_json.h"
+#include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {

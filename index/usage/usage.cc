@@ -1,13 +1,33 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-#include "index/usage/usage_error.h"
+#include "index/usage/usage.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
 #include <numeric>
-#include <utility>
+#include <optional>
+#include <string_view>
+
+#include <fmt/format.h>
 
 namespace pliant::cli {
 namespace {
+
+// A value of type Number that `is_right` accepts. `wanted`: for the error; `shown`: in --help.
+template <typename Number, typename Rule>
+CLI::Validator NumberThat(Rule is_right, std::string wanted, std::string shown = "") {
+  return CLI::Validator(
+      [is_right, wanted](std::string& text) {
+        Number value{};
+        const char* end = text.data() + text.size();
+        const auto [stopped, error] = std::from_chars(text.data(), end, value);
+        if (error == std::errc() && stopped == end && is_right(value)) return std::string();
+        return fmt::format("must be {}, not {}", wanted, text);
+      },
+      std::move(shown));
+}
 
 // Levenshtein's distance: wrong, missing and additional characters.
 std::size_t TypingErrors(const std::string& a, const std::string& b) {
@@ -54,6 +74,37 @@ std::string DidYouMean(const std::string& word, const std::vector<std::string>& 
   return closest.empty() ? "" : "; did you mean " + closest + "?";
 }
 
+CLI::Validator Between(long long lowest, long long highest) {
+  return NumberThat<long long>([=](long long value) { return value >= lowest && value <= highest; },
+                               fmt::format("a whole number from {} to {}", lowest, highest),
+                               fmt::format("{} to {}", lowest, highest));
+}
+
+CLI::Validator AtLeast(double lowest) {
+  return NumberThat<double>(
+      [lowest](double value) { return std::isfinite(value) && value >= lowest; },
+      fmt::format("{} or more", lowest));
+}
+
+CLI::Validator AboveZero() {
+  return NumberThat<double>([](double value) { return std::isfinite(value) && value > 0; },
+                            "more than 0");
+}
+
+CLI::Validator OneOf(std::vector<std::string> words) {
+  return CLI::Validator(
+      [words = std::move(words)](std::string& text) {
+        if (std::find(words.begin(), words.end(), text) != words.end()) return std::string();
+        std::string listed;
+        for (std::size_t i = 0; i < words.size(); ++i) {
+          if (i > 0) listed += i + 1 < words.size() ? ", " : " or ";
+          listed += words[i];
+        }
+        return fmt::format("must be {}, not {}{}", listed, text, DidYouMean(text, words));
+      },
+      "");
+}
+
 std::string UsageError(const CLI::App* program, const CLI::Error& error) {
   const CLI::App* app = program;  // then the innermost command: `pliant db check` is three apps
   std::string path = app->get_name();
@@ -74,6 +125,24 @@ std::string UsageError(const CLI::App* program, const CLI::Error& error) {
     text = path + " does not take " + word + DidYouMean(word, Names(*app, word));
   }
   return text + "\nRun " + path + " --help for more information.\n";
+}
+
+std::string WithFlagNames(const Error& error) {
+  struct FlagName {
+    std::string_view reason, field, flag;  // `reason`: of the errors that name the field
+  };
+  static constexpr std::array<FlagName, 4> kNames = {
+      {{"extraction_mismatch", "max_keypoints", "--max-keypoints"},
+       {"extraction_mismatch", "max_side_px", "--max-side"},
+       {"database_exists", "replace", "--replace"},
+       {"originals_missing", "originals_dir", "--originals-dir"}}};
+  std::string text = error.what();
+  for (const FlagName& name : kNames) {
+    const std::size_t at = text.find(fmt::format("with {} ", name.field));
+    if (error.reason() != name.reason || at == std::string::npos) continue;
+    text.replace(at + 5, name.field.size(), name.flag);
+  }
+  return text;
 }
 
 }  // namespace pliant::cli

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Options of both programs: checks of their values, whose errors are sentences ("must be a whole
+// number from 0 to 1024, not 4096"), and messages for wrong command lines.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "descriptor/base/error.h"
+
+namespace pliant::cli {
+
+// For CLI::App::failure_message(): what is wrong, and the --help to read.
+std::string UsageError(const CLI::App* program, const CLI::Error& error);
+
+// "; did you mean --top?", or empty if `word` resembles none of the names.
+std::string DidYouMean(const std::string& word, const std::vector<std::string>& names);
+
+// The text of a library's error with flags instead of the fields of EngineOptions.
+std::string WithFlagNames(const Error& error);
+
+// A whole number from `lowest` to `highest`.
+CLI::Validator Between(long long lowest, long long highest);
+// A number of at least `lowest`; a number above zero.
+CLI::Validator AtLeast(double lowest);
+CLI::Validator AboveZero();
+// One of these words. The error suggests the most similar word.
+CLI::Validator OneOf(std::vector<std::string> words);
+
+template <typename Enum>
+using Choices = std::vector<std::pair<std::string, Enum>>;
+
+template <typename Enum>
+std::vector<std::string> WordsOf(const Choices<Enum>& choices) {
+  std::vector<std::string> words;
+  for (const auto& [word, meaning] : choices) words.push_back(word);
+  return words;
+}
+
+// An option whose values are the words in `choices`; --help lists them. `values`: one, an optional
+// one, or a vector, for several separated by commas.
+template <typename Enum, typename Values>
+CLI::Option* AddChoice(CLI::App& app, const std::string& name, Values& values,
+                       const std::string& help, const Choices<Enum>& choices) {
+  constexpr bool kSeveral = requires { values.push_back(Enum{}); };
+  const auto read = [&values, choices](const std::vector<std::string>& given) {
+    if constexpr (kSeveral) values.clear();
+    for (const std::string& word : given) {
+      for (const auto& [known, meaning] : choices) {
+        if (word != known) continue;
+        if constexpr (kSeveral) {
+          values.push_back(meaning);
+        } else {
+          values = meaning;
+        }
+      }
+    }
+  };
+  CLI::Option* option = app.add_option_function<std::vector<std::string>>(name, read, help);
+  if constexpr (kSeveral) {
+    option->delimiter(',')->allow_extra_args(false);
+  } else {
+    option->expected(1);
+  }
+  return option->check(OneOf(WordsOf(choices)))
+      ->option_text(CLI::detail::join(WordsOf(choices), "|"));
+}
+
+}  // namespace pliant::cli
