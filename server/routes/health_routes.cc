@@ -28,6 +28,7 @@ Response MetricsText(Service& service) {
       now.jobs = service.jobs->Counts();
     } catch (const Error& error) {
       spdlog::warn("cannot count the jobs: {}", error.what());
+      now.jobs.reset();
     }
     if (service.decoders() != nullptr) now.decoders = service.decoders()->size();
   }

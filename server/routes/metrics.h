@@ -50,10 +50,11 @@ class StoreFigures {
 // Values that are read when the metrics are requested.
 struct MetricsNow {
   WorkerPool::Load load = {};
-  const EngineStats* stats = nullptr;                        // null = not known yet
-  std::optional<std::map<JobState, std::size_t>> jobs = {};  // absent: the database is away
-  std::size_t decoders = 0;                                  // processes
-  std::uintmax_t disk_free_bytes = 0;                        // for the database
+  const EngineStats* stats = nullptr;  // null = not known yet
+  // Absent: the database is away.
+  std::optional<std::map<JobState, std::size_t>> jobs{std::in_place};
+  std::size_t decoders = 0;            // processes
+  std::uintmax_t disk_free_bytes = 0;  // for the database
 };
 
 // Thread-safe.
