@@ -93,6 +93,7 @@ void JobRunner::Finish(const JobStore::OwnJobPtr& job, const std::string& result
   while (again && !store_.Save(job, store_.Snapshot(job).status) &&
          !store_.StoppedWithin(kPauseWhenUnavailable)) {
   }
+  if (!store_.IsOwn(job)) return;
   JobStore::OwnJob own = store_.Snapshot(job);
   JobStatus& status = own.status;
   const bool stopping = store_.StoppedWithin(std::chrono::milliseconds(0));

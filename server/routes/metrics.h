@@ -49,10 +49,11 @@ class StoreFigures {
 // Values at the time of the request.
 struct MetricsNow {
   WorkerPool::Load load = {};
-  const EngineStats* stats = nullptr;                        // null = not known yet
-  std::optional<std::map<JobState, std::size_t>> jobs = {};  // absent: the database is away
-  std::size_t decoders = 0;                                  // processes
-  std::uintmax_t disk_free_bytes = 0;                        // for the database
+  const EngineStats* stats = nullptr;  // null = not known yet
+  // Absent: the database is away.
+  std::optional<std::map<JobState, std::size_t>> jobs{std::in_place};
+  std::size_t decoders = 0;            // processes
+  std::uintmax_t disk_free_bytes = 0;  // for the database
 };
 
 // Thread-safe.
