@@ -101,14 +101,14 @@ struct Placed {
   }
 };
 
-Placed Fit(const DecodedImage& image, int x, int y) {
-  const Image& image = image.image;
+Placed Fit(const DecodedImage& decoded, int x, int y) {
+  const Image& image = decoded.image;
   const double factor = std::min(static_cast<double>(kBoxWidth) / image.width,
                                  static_cast<double>(kBoxHeight) / image.height);
   const int width = std::max(1, static_cast<int>(std::lround(image.width * factor)));
   const int height = std::max(1, static_cast<int>(std::lround(image.height * factor)));
   return {ToColour(ResizeImage(image, width, height)), x + (kBoxWidth - width) / 2,
-          y + (kBoxHeight - height) / 2, static_cast<double>(width) / image.original_width};
+          y + (kBoxHeight - height) / 2, static_cast<double>(width) / decoded.original_width};
 }
 
 std::string Caption(const Hit& hit) {
