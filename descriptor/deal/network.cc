@@ -395,7 +395,7 @@ GreyImage DealNetwork::ToImage(const Image& grey) {
   if (grey.channels != 1 || grey.width < 1 || grey.height < 1 ||
       grey.pixels.size() != static_cast<std::size_t>(pixels)) {
     throw Error(ErrorCode::kInvalidArgument, "image_not_grey",
-                "DEAL describes grey images with one byte a pixel; decode with colour = false");
+                "DEAL describes grey images with one byte per pixel; decode with colour = false");
   }
   if (pixels > kMaxPixels) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",

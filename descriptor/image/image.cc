@@ -24,8 +24,8 @@ void CheckLimits(const ImageHeader& header, const DecodeOptions& options) {
   const std::string size = std::to_string(header.width) + " x " + std::to_string(header.height);
   if (header.width > options.max_pixels / header.height) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "The image has " + size + " pixels; at most " + std::to_string(options.max_pixels) +
-                    " are accepted. Scale it down.");
+                "The image has " + size + " pixels; the limit is " +
+                    std::to_string(options.max_pixels) + " pixels. Scale it down.");
   }
   if (std::min(header.width, header.height) < options.min_side_px) {
     throw Error(ErrorCode::kUnprocessable, "image_too_small",
@@ -46,7 +46,7 @@ void CheckMemory(const ScannedImage& scanned, int reduction, const DecodeOptions
               "Decoding the image of " + std::to_string(scanned.header.width) + " x " +
                   std::to_string(scanned.header.height) + " pixels takes more than " +
                   FormatBytes(static_cast<std::uint64_t>(options.max_decode_bytes)) +
-                  " of memory. Scale it down, or save it as JPEG that is not progressive.");
+                  " of memory. Scale it down, or save it as a non-progressive JPEG.");
 }
 
 // libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that still covers max_side.
@@ -160,9 +160,9 @@ void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, Deco
 DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   if (static_cast<std::int64_t>(bytes.size()) > options.max_bytes) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",
-                "The image file is larger than " +
+                "The image file exceeds the limit of " +
                     FormatBytes(static_cast<std::uint64_t>(options.max_bytes)) +
-                    ", which is the limit.");
+                    ". Scale the image down.");
   }
   ScannedImage scanned = ScanImage(bytes);
   const ImageHeader& header = scanned.header;

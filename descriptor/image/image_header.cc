@@ -72,8 +72,7 @@ ScannedImage ScanImage(Bytes bytes) {
   const ImageFormat format = SniffFormat(bytes);
   if (format == ImageFormat::kUnknown) {
     throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-                "The file is no image of a type that Pliant reads. Send JPEG, PNG, WebP, BMP "
-                "or TIFF.");
+                "The file type is not supported. Send JPEG, PNG, WebP, BMP or TIFF.");
   }
   const ScannedImage scanned = ReaderOf(format).scan(bytes);
   if (!scanned.defect.empty()) ThrowDefect(scanned);  // its size may be any
@@ -87,13 +86,13 @@ ImageHeader ReadImageHeader(Bytes bytes) { return ScanImage(bytes).header; }
 
 void CheckStructure(Bytes bytes, ScannedImage& scanned) {
   if (scanned.header.format == ImageFormat::kJpeg) CheckJpegScans(bytes, scanned);
-  if (!scanned.complete) ThrowTruncated("it ends before its own end mark");
+  if (!scanned.complete) ThrowTruncated("its end marker is missing");
   if (!scanned.defect.empty()) ThrowDefect(scanned);
 }
 
 void ThrowUndecodable(const std::string& detail) {
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The image cannot be decoded: its data are damaged or of a kind that is not read" +
+              "The image cannot be decoded: its data is damaged or not supported" +
                   (detail.empty() ? detail : " (" + detail + ")") +
                   ". Save it again as JPEG or PNG.");
 }
@@ -103,8 +102,8 @@ cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int re
   const auto reduced = [&](std::int64_t side) { return (side + reduction - 1) / reduction; };
   if (pixels.cols == reduced(header.width) && pixels.rows == reduced(header.height)) return pixels;
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",
-              "The image contradicts itself: its header says " + std::to_string(header.width) +
-                  " x " + std::to_string(header.height) + " pixels, its data are of " +
+              "The image is damaged: its header says " + std::to_string(header.width) + " x " +
+                  std::to_string(header.height) + " pixels, but its data has " +
                   std::to_string(pixels.cols) + " x " + std::to_string(pixels.rows) +
                   ". Save it again as JPEG or PNG.");
 }

@@ -213,7 +213,7 @@ void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
     return scans <= kMostScans && scans * pixels <= kMostScannedPixels;
   });
   if (scans > kMostScans || (scans > 1 && scans * pixels > kMostScannedPixels)) {
-    scanned.defect = "it has so many scans that decoding it would take minutes";
+    scanned.defect = "it has too many scans to decode in a reasonable time";
   }
 }
 

@@ -143,7 +143,7 @@ ScannedImage ScanPng(Bytes bytes) {
   if (!reader.StartsWith(12, "IHDR")) return scanned;
   constexpr std::uint32_t kHeaderBytes = 13;
   if (reader.U32(kSignatureBytes) != kHeaderBytes) {
-    scanned.defect = "its header has another length than PNG's";
+    scanned.defect = "its header has the wrong length";
     return scanned;
   }
   header.width = reader.U32(16).value_or(0);
@@ -164,7 +164,7 @@ ScannedImage ScanPng(Bytes bytes) {
   // Compressed data that are larger than what they unpack to are none of this image's.
   constexpr double kTolerated = 64 * 1024;
   if (data_bytes > MostDataBytes(header, reader.U8(24).value_or(0), colour_type) + kTolerated) {
-    scanned.defect = "it holds more data than its rows";
+    scanned.defect = "it has more data than its size needs";
   }
   return scanned;
 }

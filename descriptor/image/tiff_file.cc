@@ -126,7 +126,7 @@ void CheckPieces(const Tiff& tiff, std::size_t file_bytes, ScannedImage& scanned
     total += std::min<std::uint64_t>(size, file_bytes);
   }
   if (total > file_bytes && scanned.complete) {
-    scanned.defect = "its strips or tiles lie over one another";
+    scanned.defect = "its strips or tiles overlap";
   }
 }
 
@@ -182,7 +182,7 @@ cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header, bool /*colour*/, int 
   }
   TIFFSetField(tiff.get(), TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);  // callers turn it upright
   const PieceSize piece = PieceSizeOf(tiff, header);
-  if (piece.width == 0 || piece.height == 0) ThrowUndecodable("strips of no size");
+  if (piece.width == 0 || piece.height == 0) ThrowUndecodable("empty strips");
   const bool tiled = TIFFIsTiled(tiff.get()) != 0;
   cv::Mat pixels(static_cast<int>(header.height), static_cast<int>(header.width), CV_8UC3);
   std::vector<std::uint32_t> raster(std::size_t{piece.width} * piece.height);

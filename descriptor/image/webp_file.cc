@@ -41,7 +41,7 @@ ScannedImage ScanWebp(Bytes bytes) {
   if (status == VP8_STATUS_NOT_ENOUGH_DATA) return scanned;
   // libwebp takes a file whose first chunk is another one for an image without container.
   if (status != VP8_STATUS_OK || !reader.StartsWith(kFileHeaderBytes, "VP8")) {
-    scanned.defect = "its first chunk is no image";
+    scanned.defect = "its first chunk is not an image";
   } else if (reader.U32(kFileHeaderBytes + 4).value_or(0) < kLeastChunkBytes) {
     scanned.defect = "its first chunk is too short to be an image";
   }

@@ -67,7 +67,7 @@ void EngineCore::Follow() {
     ranker_->Follow();
   } catch (const std::exception& error) {
     if (options_.warn) {
-      options_.warn(std::string("the index cannot follow what was written: ") + error.what());
+      options_.warn(std::string("the index cannot load the latest changes: ") + error.what());
     }
     throw;
   }
@@ -79,7 +79,7 @@ void EngineCore::CheckModel(const DescriptorInfo& info) const {
   throw Error(ErrorCode::kConflict, "model_mismatch",
               "the database " + options_.database.string() + " was made with " + model_id +
                   ", but the descriptor is " + info.model_id +
-                  "; use that one, or index into a new database");
+                  "; use that descriptor, or index into a new database");
 }
 
 void EngineCore::FollowLimits(const ExtractionLimits& stored, ExtractionOptions& extraction) const {
@@ -89,7 +89,7 @@ void EngineCore::FollowLimits(const ExtractionLimits& stored, ExtractionOptions&
       throw Error(ErrorCode::kConflict, "extraction_mismatch",
                   "the database " + options_.database.string() + " was made with " + name + " " +
                       std::to_string(limit) + ", not " + std::to_string(*wanted) +
-                      "; leave it out to follow, or index into a new database");
+                      "; omit the option to use the stored value, or index into a new database");
     }
     value = limit != 0 ? limit : wanted.value_or(value);
   };

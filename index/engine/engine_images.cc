@@ -21,16 +21,16 @@ constexpr std::size_t kGeneratedIdDigits = 32;
 void CheckPage(int limit) {
   if (limit < 1 || limit > 1000) {
     throw Error(ErrorCode::kInvalidArgument, "limit_invalid",
-                "limit must be 1 to 1000, not " + std::to_string(limit));
+                "limit must be 1 to 1000, not " + std::to_string(limit) + ".");
   }
 }
 
 void CheckEnough(std::size_t keypoints) {
   if (keypoints >= kMinKeypoints) return;
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
-              "the image has " + std::to_string(keypoints) + " keypoints, " +
+              "The image has " + std::to_string(keypoints) + " keypoints; at least " +
                   std::to_string(kMinKeypoints) +
-                  " are the least: it is too plain, too small or too blurred to be recognised");
+                  " are needed. It is too plain, too small or too blurred to be recognised.");
 }
 
 // Everything about a new image that takes time.
@@ -119,7 +119,7 @@ CollectionRecord EngineImages::GetCollection(const std::string& name) {
 bool EngineImages::RemoveCollection(const std::string& name) {
   if (name == kDefaultCollection) {
     throw Error(ErrorCode::kConflict, "collection_permanent",
-                "the collection \"default\" cannot be removed");
+                "The collection \"default\" cannot be deleted.");
   }
   return core_.writer().RemoveCollection(name);
 }
@@ -262,7 +262,7 @@ ObjectRecord EngineImages::ChangeObject(const std::string& collection, const std
                                         const ObjectChange& change) {
   CheckObject(change.name);
   if (change.name.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "object_invalid", "An object needs a name.");
+    throw Error(ErrorCode::kInvalidArgument, "object_invalid", "object must not be empty.");
   }
   return core_.writer().ChangeObject(collection, object, change);
 }

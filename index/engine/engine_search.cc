@@ -36,14 +36,13 @@ void CheckQuery(const Features& features, const std::optional<Region>& region) {
   if (features.keypoints.size() >= kMinKeypoints) return;
   if (region && LongerSide(*region, features.width, features.height) == 0) {
     throw Error(ErrorCode::kUnprocessable, "too_few_features",
-                "the region lies outside of the query image, which has " +
-                    std::to_string(features.width) + " x " + std::to_string(features.height) +
-                    " pixels");
+                "The region lies outside the query image of " + std::to_string(features.width) +
+                    " x " + std::to_string(features.height) + " pixels.");
   }
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
-              std::string(region ? "the region of the query image" : "the query image") + " has " +
-                  std::to_string(features.keypoints.size()) + " keypoints, " +
-                  std::to_string(kMinKeypoints) + " are the least");
+              std::string(region ? "The region of the query image" : "The query image") + " has " +
+                  std::to_string(features.keypoints.size()) + " keypoints; at least " +
+                  std::to_string(kMinKeypoints) + " are needed.");
 }
 
 [[noreturn]] void ThrowInvalid(const std::string& field, const std::string& message) {
@@ -61,14 +60,14 @@ void CheckExamples(const std::vector<std::string>& ids, const SearchOptions& opt
     throw Error(ErrorCode::kInvalidArgument, reason, message);
   };
   if (ids.empty() || ids.size() > kMaxExamples) {
-    refuse("examples_invalid", "examples must be 1 to " + std::to_string(kMaxExamples) +
-                                   " images, not " + std::to_string(ids.size()));
+    refuse("examples_invalid", "examples must have 1 to " + std::to_string(kMaxExamples) +
+                                   " images, not " + std::to_string(ids.size()) + ".");
   }
   if (std::set<std::string>(ids.begin(), ids.end()).size() != ids.size()) {
-    refuse("examples_invalid", "examples has an image twice");
+    refuse("examples_invalid", "examples must not contain an image twice.");
   }
   if (options.region) {
-    refuse("region_invalid", "region is of one image, and there are several");
+    refuse("region_invalid", "region cannot be combined with several examples.");
   }
 }
 
@@ -137,8 +136,8 @@ ComparedImage Checked(const Features& features, const char* which) {
   const std::size_t keypoints = features.keypoints.size();
   if (keypoints < kMinKeypoints) {
     throw Error(ErrorCode::kUnprocessable, "too_few_features",
-                std::string("the ") + which + " image has " + std::to_string(keypoints) +
-                    " keypoints, " + std::to_string(kMinKeypoints) + " are the least");
+                std::string("The ") + which + " image has " + std::to_string(keypoints) +
+                    " keypoints; at least " + std::to_string(kMinKeypoints) + " are needed.");
   }
   return {features.width, features.height, static_cast<std::uint32_t>(keypoints)};
 }
@@ -167,23 +166,24 @@ void Conclude(const Features& query, const Features& reference, int threads,
 // Throws kInvalidArgument that names the option.
 void Validate(const SearchOptions& options) {
   if (!std::isfinite(options.min_score) || options.min_score < 0 || options.min_score > 1) {
-    ThrowInvalid("min_score", "must be 0 to 1");
+    ThrowInvalid("min_score", "must be 0 to 1.");
   }
-  if (options.threads < 0) ThrowInvalid("threads", "must not be negative");
-  if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more");
+  if (options.threads < 0) ThrowInvalid("threads", "must not be negative.");
+  if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more.");
   if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
-    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions));
+    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions) + ".");
   }
   if (options.without.size() > kMaxExcluded) {
-    ThrowInvalid("without", "must be at most " + std::to_string(kMaxExcluded) + " images");
+    ThrowInvalid("without", "can have at most " + std::to_string(kMaxExcluded) + " images.");
   }
   CheckFilter(options.filter);
   if (!options.region) return;
   const Region& r = *options.region;
   for (const double value : {r.x, r.y, r.width, r.height}) {
-    if (!std::isfinite(value)) ThrowInvalid("region", "must be four finite numbers");
+    if (!std::isfinite(value)) ThrowInvalid("region", "must be four finite numbers.");
   }
-  if (r.width <= 0 || r.height <= 0) ThrowInvalid("region", "must have a width and height above 0");
+  if (r.width <= 0 || r.height <= 0)
+    ThrowInvalid("region", "must have a width and height above 0.");
 }
 
 // kConflict "no_vocabulary". Where nothing is found and `second` has more features, these verify
@@ -288,8 +288,9 @@ SearchResult EngineSearch::SearchFeatures(const Features& features, const Search
   Validate(options);
   const std::string& model_id = core_.model().model_id;
   if (features.model_id != model_id) {
-    throw Error(ErrorCode::kConflict, "model_mismatch",
-                "the features are of " + features.model_id + ", the database holds " + model_id);
+    throw Error(
+        ErrorCode::kConflict, "model_mismatch",
+        "The features are of " + features.model_id + ", but the database uses " + model_id + ".");
   }
   return Answer(core_, core_.View(options.collection), InStoredPrecision(features), options, {},
                 second);
@@ -300,7 +301,7 @@ ObjectLocation EngineSearch::Locate(Bytes encoded, const std::string& collection
   std::vector<ImageRef> refs = ImagesOf(core_, collection, object);
   if (refs.empty()) {
     throw Error(ErrorCode::kNotFound, "object_not_found",
-                "There is no image of an object '" + Shown(object) + "'.");
+                "No image shows the object '" + Shown(object) + "'.");
   }
   ObjectLocation result;
   result.object = object;

@@ -17,12 +17,12 @@ void Validate(const TrainOptions& options) {
     throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
   };
   if (options.words < 0 || options.words > static_cast<int>(kMaxWords)) {
-    fail("words", "must be 0 to " + std::to_string(kMaxWords));
+    fail("words", "must be 0 to " + std::to_string(kMaxWords) + ".");
   }
   if (options.sample < 0 || options.sample > static_cast<int>(kMaxVocabularySamples)) {
-    fail("sample", "must be 0 to " + std::to_string(kMaxVocabularySamples));
+    fail("sample", "must be 0 to " + std::to_string(kMaxVocabularySamples) + ".");
   }
-  if (options.threads < 0) fail("threads", "must not be negative");
+  if (options.threads < 0) fail("threads", "must not be negative.");
 }
 
 // Ten a word, and 10 000 at least, when the words are given.
@@ -44,17 +44,16 @@ void ThrowIfStopped(const std::stop_token& stop) {
 int ChooseWords(const TrainOptions& options, const DescriptorSample& sample) {
   if (sample.available == 0) {
     throw Error(ErrorCode::kConflict, "no_images",
-                "there are no images in collection \"" + options.collection +
-                    "\" to train a vocabulary from; add some first");
+                "Collection \"" + options.collection +
+                    "\" has no images to train a vocabulary from. Add images first.");
   }
   const std::size_t tenth = std::max<std::size_t>(1, sample.descriptors.rows / 10);
   const int words = options.words > 0 ? options.words : static_cast<int>(tenth);
   if (static_cast<std::size_t>(words) > sample.descriptors.rows) {
-    throw Error(
-        ErrorCode::kInvalidArgument, "words_invalid",
-        "words must be at most the number of sampled descriptors: " + std::to_string(words) +
-            " asked for, " + std::to_string(sample.descriptors.rows) + " sampled of " +
-            std::to_string(sample.available));
+    throw Error(ErrorCode::kInvalidArgument, "words_invalid",
+                "words must be at most the number of sampled descriptors, " +
+                    std::to_string(sample.descriptors.rows) + " of " +
+                    std::to_string(sample.available) + ". It is " + std::to_string(words) + ".");
   }
   return words;
 }
@@ -72,7 +71,7 @@ auto OnCollection(Catalogue& catalogue, const CollectionState& collection, Work 
     }
   }
   throw Error(ErrorCode::kNotFound, "collection_not_found",
-              "the collection " + collection.name + " was removed meanwhile");
+              "The collection " + collection.name + " was deleted during the work.");
 }
 
 // Gives words of `vocabulary` to all images that lack them. `progress` hears of the share done.
@@ -151,14 +150,14 @@ void EngineVocabularies::UseVocabulary(const std::string& collection_name, std::
   const auto record = core_.catalogue().FindVocabulary(collection_name, id);
   if (!record) {
     throw Error(ErrorCode::kNotFound, "vocabulary_not_found",
-                "there is no vocabulary " + std::to_string(id) + " in collection \"" +
-                    collection_name + "\"");
+                "No vocabulary has the number " + std::to_string(id) + " in collection \"" +
+                    collection_name + "\".");
   }
   const std::string& model_id = core_.model().model_id;
   if (record->model_id != model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
-                "vocabulary " + std::to_string(id) + " was made for " + record->model_id +
-                    ", the database holds " + model_id);
+                "Vocabulary " + std::to_string(id) + " was trained for " + record->model_id +
+                    ", but the database uses " + model_id + ". Train a new vocabulary.");
   }
   OnCollection(core_.catalogue(), collection, [&] {
     const Quantizer quantizer(core_.catalogue().ReadVocabulary(id));

@@ -47,9 +47,9 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
   Explanation explanation;
   explanation.ranking_score = ranking_score;
   explanation.failure = Verifies(options)
-                            ? "The image was not looked at: only the best of the ranking are "
-                              "verified. Raise the depth of verification to look at more."
-                            : "The search does not verify.";
+                            ? "The image was not verified: the search verifies only the best "
+                              "candidates. Raise the verification depth to verify more."
+                            : "This search does not use verification.";
   return explanation;
 }
 

@@ -105,7 +105,7 @@ void CheckParentDirectory(const fs::path& path) {
   std::error_code ignored;
   if (!fs::is_directory(parent, ignored)) {
     throw Error(ErrorCode::kNotFound, "no_such_directory",
-                "the directory " + DisplayPath(parent) + " does not exist; make it first");
+                "the directory " + DisplayPath(parent) + " does not exist; create it first");
   }
 }
 

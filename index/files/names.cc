@@ -23,15 +23,15 @@ constexpr std::size_t kMaxMetadataNames = 1000;  // of one object
 void CheckText(std::string_view text, std::size_t max_bytes, const std::string& field) {
   if (text.size() > max_bytes || !IsValidUtf8(text) || HasControlCharacter(text)) {
     ThrowInvalid(field + "_invalid", field + " must be UTF-8 without control characters, at most " +
-                                         std::to_string(max_bytes) + " bytes");
+                                         std::to_string(max_bytes) + " bytes.");
   }
 }
 
 void CheckLooks(std::string_view text, const std::string& field) {
   if (LooksAsItIs(text)) return;
-  ThrowInvalid(field + "_invalid", field +
-                                       " must not hold characters that are invisible or change "
-                                       "the direction of writing");
+  ThrowInvalid(
+      field + "_invalid",
+      field + " must not contain characters that are invisible or change the writing direction.");
 }
 
 bool IsCollectionName(std::string_view name) {
@@ -40,28 +40,27 @@ bool IsCollectionName(std::string_view name) {
 
 std::string CollectionNameRule(std::string_view name) {
   return "must be 1 to 64 letters, digits or any of . _ -, not \"" +
-         ToDisplayText(name.substr(0, 80)) + "\"";
+         ToDisplayText(name.substr(0, 80)) + "\".";
 }
 
 }  // namespace
 
 void CheckImageId(std::string_view id) {
   if (id.empty() || id.size() > 128 || id == "." || id == ".." || !IsNameOf(id, "._~:@-")) {
-    ThrowInvalid("id_invalid",
-                 "an image id must be 1 to 128 letters, digits or any of . _ ~ : @ -, not \"" +
-                     ToDisplayText(id.substr(0, 140)) + "\"");
+    ThrowInvalid("id_invalid", "id must be 1 to 128 letters, digits or any of . _ ~ : @ -, not \"" +
+                                   ToDisplayText(id.substr(0, 140)) + "\".");
   }
 }
 
 void CheckCollectionName(std::string_view name) {
   if (!IsCollectionName(name)) {
-    ThrowInvalid("collection_invalid", "a collection's name " + CollectionNameRule(name));
+    ThrowInvalid("collection_invalid", "A collection name " + CollectionNameRule(name));
   }
 }
 
 void CheckAliasName(std::string_view name) {
   if (!IsCollectionName(name))
-    ThrowInvalid("alias_invalid", "an alias " + CollectionNameRule(name));
+    ThrowInvalid("alias_invalid", "An alias " + CollectionNameRule(name));
 }
 
 void CheckDisplayName(std::string_view name) {
@@ -70,16 +69,18 @@ void CheckDisplayName(std::string_view name) {
   CheckLooks(name, "display_name");
 }
 
-void CheckObject(std::string_view object) {
-  CheckText(object, 512, "object");
-  CheckLooks(object, "object");
-  if (object == "." || object == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
-    ThrowInvalid("object_invalid", "object must be more than dots");
+void CheckName(std::string_view name, const std::string& field) {
+  CheckText(name, 512, field);
+  CheckLooks(name, field);
+  if (name == "." || name == "..") {  // which no URL could reach (RFC 3986, section 5.2.4)
+    ThrowInvalid(field + "_invalid", field + " must not be \".\" or \"..\".");
   }
-  if (!object.empty() && object.find_first_not_of(' ') == std::string_view::npos) {
-    ThrowInvalid("object_invalid", "object must be more than spaces");
+  if (!name.empty() && name.find_first_not_of(' ') == std::string_view::npos) {
+    ThrowInvalid(field + "_invalid", field + " must not be only spaces.");
   }
 }
+
+void CheckObject(std::string_view object) { CheckName(object, "object"); }
 
 void CheckSource(std::string_view source) {
   CheckText(source, 4096, "source");
@@ -88,7 +89,7 @@ void CheckSource(std::string_view source) {
 
 std::string CanonicalMetadata(const std::string& metadata) {
   if (metadata.size() > kMaxMetadataBytes) {
-    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB");
+    ThrowInvalid("metadata_invalid", "metadata can have at most 64 KiB.");
   }
   using Event = nlohmann::json::parse_event_t;
   bool too_deep = false;
@@ -102,14 +103,15 @@ std::string CanonicalMetadata(const std::string& metadata) {
     return !too_deep && !too_many;
   };
   const auto json = nlohmann::json::parse(metadata, watch, false);
-  if (too_deep) ThrowInvalid("metadata_invalid", "metadata has more than 32 levels");
+  if (too_deep) ThrowInvalid("metadata_invalid", "metadata can have at most 32 levels of nesting.");
   if (too_many) {
-    ThrowInvalid("metadata_invalid", "metadata has more than 1000 names in one object");
+    ThrowInvalid("metadata_invalid", "metadata can have at most 1000 keys in one object.");
   }
-  if (!json.is_object()) ThrowInvalid("metadata_invalid", "metadata is no valid JSON object");
+  if (!json.is_object()) ThrowInvalid("metadata_invalid", "metadata must be a valid JSON object.");
   std::string canonical = json.dump();  // may be longer: 1e9 is 1000000000.0
   if (canonical.size() > kMaxMetadataBytes) {
-    ThrowInvalid("metadata_invalid", "metadata is larger than 64 KiB once it is written out");
+    ThrowInvalid("metadata_invalid",
+                 "metadata can have at most 64 KiB, with its numbers written out.");
   }
   return canonical;
 }

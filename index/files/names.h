@@ -16,6 +16,7 @@ void CheckCollectionName(std::string_view name);
 void CheckAliasName(std::string_view name);    // as a collection's name
 void CheckDisplayName(std::string_view name);  // as an object, 200 bytes, or empty
 void CheckObject(std::string_view object);
+void CheckName(std::string_view name, const std::string& field);  // as an object
 void CheckSource(std::string_view source);
 
 // A JSON object of at most 64 KiB, 32 levels and 1000 names an object, rewritten with sorted keys

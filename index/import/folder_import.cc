@@ -44,7 +44,7 @@ class FolderImport {
   void AddOne(const ImageFile& file) {
     try {
       if (LeadsOut(file.path)) {
-        return Skip({NameOf(file.path), "outside", "the path leads out of the import directory"});
+        return Skip({NameOf(file.path), "outside", "The path leads out of the import directory."});
       }
       std::vector<std::uint8_t> bytes;
       try {
@@ -53,7 +53,7 @@ class FolderImport {
         if (error.code() == ErrorCode::kUnavailable) throw;
         return Skip({NameOf(file.path), error.reason(),
                      options_.root.empty() ? ToDisplayText(error.what())
-                                           : "the file is unreadable or too large"});
+                                           : "The file is unreadable or too large."});
       }
       AddRequest request;
       request.collection = options_.collection;

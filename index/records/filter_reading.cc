@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kTests = "in, ne, gt, gte, lt, lte and exists";
+constexpr const char* kTests = "in, ne, gt, gte, lt, lte and exists.";
 constexpr std::size_t kShownBytes = 32;  // of a name in a message
 
 // An and or an or takes two levels; then a key's tests, their list, and what does not belong there.
@@ -34,11 +34,11 @@ std::string At(const std::string& where, const char* list, std::size_t i) {
 }
 
 std::vector<FilterValue> ReadList(const std::string& where, const Json& list) {
-  if (!list.is_array()) ThrowInvalid(where, "\"in\" must be a list of values");
+  if (!list.is_array()) ThrowInvalid(where, "\"in\" must be a list of values.");
   std::vector<FilterValue> values;
   for (const Json& entry : list) {
     const auto value = FilterValueOf(entry);
-    if (!value) ThrowInvalid(where, "\"in\" must list numbers, text, true, false or null");
+    if (!value) ThrowInvalid(where, "\"in\" must list numbers, text, true, false or null.");
     values.push_back(*value);
   }
   return values;
@@ -47,8 +47,8 @@ std::vector<FilterValue> ReadList(const std::string& where, const Json& list) {
 void SetBound(const std::string& where, const std::string& test, const Json& json,
               std::optional<FilterBound>* bound) {
   const auto value = FilterValueOf(json);
-  if (!value) ThrowInvalid(where, "\"" + test + "\" must be a number or text");
-  if (*bound) ThrowInvalid(where, "there are two bounds on one side");
+  if (!value) ThrowInvalid(where, "\"" + test + "\" must be a number or text.");
+  if (*bound) ThrowInvalid(where, "use only one lower bound and one upper bound.");
   *bound = FilterBound{*value, test.size() == 3};  // gte, lte
 }
 
@@ -59,17 +59,18 @@ void ReadTest(const std::string& where, const std::string& test, const Json& arg
   } else if (test == "ne") {
     condition->not_equal = FilterValueOf(argument);
     if (!condition->not_equal) {
-      ThrowInvalid(where, "\"ne\" must be a number, text, true, false or null");
+      ThrowInvalid(where, "\"ne\" must be a number, text, true, false or null.");
     }
   } else if (test == "exists") {
-    if (!argument.is_boolean()) ThrowInvalid(where, "\"exists\" must be true or false");
+    if (!argument.is_boolean()) ThrowInvalid(where, "\"exists\" must be true or false.");
     condition->exists = argument.get<bool>();
   } else if (test == "gt" || test == "gte") {
     SetBound(where, test, argument, &condition->from);
   } else if (test == "lt" || test == "lte") {
     SetBound(where, test, argument, &condition->to);
   } else {
-    ThrowInvalid(where, "there is no test \"" + Shown(test, kShownBytes) + "\", only " + kTests);
+    ThrowInvalid(where,
+                 "unknown test \"" + Shown(test, kShownBytes) + "\". Known tests: " + kTests);
   }
 }
 
@@ -81,7 +82,7 @@ FilterCondition ReadCondition(const std::string& where, const std::string& key, 
     return condition;
   }
   if (!json.is_object()) {
-    ThrowInvalid(where, "must have a value or tests; for one of several: {\"in\": [...]}");
+    ThrowInvalid(where, "must be a value or tests. For several values: {\"in\": [...]}.");
   }
   for (const auto& [test, argument] : json.items()) ReadTest(where, test, argument, &condition);
   return condition;
@@ -91,7 +92,7 @@ Filter ReadFilter(const std::string& where, const Json& json, int depth);
 
 std::vector<Filter> ReadFilters(const std::string& where, const char* name, const Json& json,
                                 int depth) {
-  if (!json.is_array()) ThrowInvalid(where + "." + name, "must be a list of filters");
+  if (!json.is_array()) ThrowInvalid(where + "." + name, "must be a list of filters.");
   std::vector<Filter> filters;
   for (std::size_t i = 0; i < json.size(); ++i) {
     filters.push_back(ReadFilter(At(where, name, i), json[i], depth));
@@ -101,14 +102,14 @@ std::vector<Filter> ReadFilters(const std::string& where, const char* name, cons
 
 Filter ReadFilter(const std::string& where, const Json& json, int depth) {
   if (depth > kMaxFilterDepth) {
-    ThrowInvalid(where, "is nested more than " + std::to_string(kMaxFilterDepth) + " deep");
+    ThrowInvalid(where, "is nested more than " + std::to_string(kMaxFilterDepth) + " levels deep.");
   }
-  if (!json.is_object()) ThrowInvalid(where, "must be a JSON object, a filter");
+  if (!json.is_object()) ThrowInvalid(where, "must be a JSON object.");
   Filter filter;
   for (const auto& [key, value] : json.items()) {
     if (key == "and") {
       filter.all_of = ReadFilters(where, "and", value, depth + 1);
-      if (filter.all_of.empty()) ThrowInvalid(where + ".and", "has no filter");
+      if (filter.all_of.empty()) ThrowInvalid(where + ".and", "must have at least one filter.");
     } else if (key == "or") {
       filter.any_of.push_back(ReadFilters(where, "or", value, depth + 1));
     } else if (key == "not") {
@@ -128,20 +129,20 @@ void CheckBound(const std::string& where, const std::optional<FilterBound>& boun
       std::holds_alternative<std::string>(bound->value)) {
     return;
   }
-  ThrowInvalid(where, "a bound must be a number or text");
+  ThrowInvalid(where, "a bound must be a number or text.");
 }
 
 void CheckCondition(const std::string& where, const FilterCondition& condition) {
   const bool tests_value =
       condition.any_of || condition.from || condition.to || condition.not_equal;
   if (!tests_value && !condition.exists) {
-    ThrowInvalid(where, std::string("has no test; there are ") + kTests);
+    ThrowInvalid(where, std::string("has no test. Known tests: ") + kTests);
   }
   if (tests_value && condition.exists && !*condition.exists) {
-    ThrowInvalid(where, "what does not exist passes no other test");
+    ThrowInvalid(where, "\"exists\": false cannot be combined with other tests.");
   }
   if (condition.any_of && condition.any_of->size() > kMaxFilterValues) {
-    ThrowInvalid(where, "lists more than " + std::to_string(kMaxFilterValues) + " values");
+    ThrowInvalid(where, "\"in\" can have at most " + std::to_string(kMaxFilterValues) + " values.");
   }
   CheckBound(where, condition.from);
   CheckBound(where, condition.to);
@@ -151,16 +152,17 @@ class Checker {
  public:
   void Check(const std::string& where, const Filter& filter, int depth) {
     if (depth > kMaxFilterDepth) {
-      ThrowInvalid(where, "is nested more than " + std::to_string(kMaxFilterDepth) + " deep");
+      ThrowInvalid(where,
+                   "is nested more than " + std::to_string(kMaxFilterDepth) + " levels deep.");
     }
-    if (depth > 1 && filter.empty()) ThrowInvalid(where, "is empty");
+    if (depth > 1 && filter.empty()) ThrowInvalid(where, "must not be empty.");
     for (const FilterCondition& condition : filter.conditions) {
       Count();
       CheckCondition(At(where, condition.key), condition);
     }
     CheckAll(where, "and", filter.all_of, depth);
     for (const std::vector<Filter>& several : filter.any_of) {
-      if (several.empty()) ThrowInvalid(where + ".or", "has no filter");
+      if (several.empty()) ThrowInvalid(where + ".or", "must have at least one filter.");
       CheckAll(where, "or", several, depth);
     }
     for (const Filter& none : filter.none_of) {
@@ -179,8 +181,8 @@ class Checker {
   }
   void Count() {
     if (++terms_ <= kMaxFilterTerms) return;
-    ThrowInvalid(
-        "", "has more than " + std::to_string(kMaxFilterTerms) + " conditions, ands, ors and nots");
+    ThrowInvalid("", "has more than " + std::to_string(kMaxFilterTerms) +
+                         " conditions, ands, ors and nots.");
   }
 
   std::size_t terms_ = 0;
@@ -191,7 +193,7 @@ class Checker {
 void CheckFilter(const Filter& filter) { Checker().Check("", filter, 1); }
 
 Filter ParseFilter(const std::string& text) {
-  if (text.size() > kMaxFilterBytes) ThrowInvalid("", "is larger than 64 KiB");
+  if (text.size() > kMaxFilterBytes) ThrowInvalid("", "can have at most 64 KiB.");
   // Of two keys that are the same a parser keeps one: what the other demands would be lost.
   std::vector<std::set<std::string>> keys;  // of the objects that are open
   bool too_deep = false;
@@ -208,15 +210,16 @@ Filter ParseFilter(const std::string& text) {
   };
   const Json json = Json::parse(text, watch, /*allow_exceptions=*/false);
   if (too_deep) {
-    ThrowInvalid("", "is nested too deep: " + std::to_string(kMaxFilterDepth) +
-                         " levels of and, or and not, and values that are no lists of lists");
+    ThrowInvalid("", "is nested too deep; use at most " + std::to_string(kMaxFilterDepth) +
+                         " levels of and, or and not.");
   }
   if (!json.is_object()) {
     ThrowInvalid("",
-                 "must be a JSON object such as {\"shop\": \"east\", \"year\": {\"gte\": 2020}}");
+                 "must be a JSON object such as {\"shop\": \"east\", \"year\": {\"gte\": 2020}}.");
   }
   if (!twice.empty()) {
-    ThrowInvalid("", "has the key \"" + twice + "\" twice in one object; \"and\" joins both");
+    ThrowInvalid("",
+                 "has the key \"" + twice + "\" twice in one object. Combine both with \"and\".");
   }
   Filter filter = ReadFilter("", json, 1);
   CheckFilter(filter);

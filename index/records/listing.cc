@@ -20,24 +20,25 @@ void CheckSelection(const Selection& which) {
   CheckFilter(which.filter);
   if (which.text.size() > kMaxTextBytes) {
     ThrowInvalid("text_invalid",
-                 "text must have at most " + std::to_string(kMaxTextBytes) + " bytes");
+                 "text can have at most " + std::to_string(kMaxTextBytes) + " bytes.");
   }
-  if (!IsValidUtf8(which.text)) ThrowInvalid("text_invalid", "text must be UTF-8");
+  if (!IsValidUtf8(which.text)) ThrowInvalid("text_invalid", "text must be UTF-8.");
 }
 
 void CheckListing(const Selection& which, const PageOptions& page) {
   CheckSelection(which);
   if (page.limit < 1 || page.limit > 1000) {
-    ThrowInvalid("limit_invalid", "limit must be 1 to 1000, not " + std::to_string(page.limit));
+    ThrowInvalid("limit_invalid",
+                 "limit must be 1 to 1000, not " + std::to_string(page.limit) + ".");
   }
   if (page.facets.size() > kMaxFacets) {
     ThrowInvalid("facets_invalid",
-                 "facets must be at most " + std::to_string(kMaxFacets) + " keys");
+                 "facets can have at most " + std::to_string(kMaxFacets) + " keys.");
   }
   std::set<std::string> seen;
   for (const std::string& key : page.facets) {
     if (seen.insert(key).second) continue;
-    ThrowInvalid("facets_invalid", "facets has the key \"" + ToDisplayText(key) + "\" twice");
+    ThrowInvalid("facets_invalid", "facets has the key \"" + ToDisplayText(key) + "\" twice.");
   }
 }
 

@@ -12,12 +12,12 @@ void CheckSchemaVersion(const std::string& database, std::int64_t version) {
               "the database " + database + " has schema " + std::to_string(version) +
                   "; this program reads schema " + std::to_string(kSchemaVersion) +
                   ". Index your images again with `pliant index` into a new database, or use the "
-                  "Pliant that made this one");
+                  "Pliant version that made this database");
 }
 
 Error NoCollection(const std::string& name) {
   return {ErrorCode::kNotFound, "collection_not_found",
-          "there is no collection \"" + Shown(name) + "\""};
+          "No collection has the name \"" + Shown(name) + "\"."};
 }
 
 void CheckIsMeant(const AddRequest& request, std::int64_t created_ms) {
@@ -27,12 +27,12 @@ void CheckIsMeant(const AddRequest& request, std::int64_t created_ms) {
 
 Error NoImage(const std::string& collection, const std::string& id) {
   return {ErrorCode::kNotFound, "image_not_found",
-          "there is no image \"" + Shown(id) + "\" in collection \"" + Shown(collection) + "\""};
+          "No image has the id \"" + Shown(id) + "\" in collection \"" + Shown(collection) + "\"."};
 }
 
 Error FeaturesMissing() {
   return {ErrorCode::kCorrupt, "features_missing",
-          "a stored image has lost its features; run `pliant db check`"};
+          "the features of a stored image are missing; run `pliant db check`"};
 }
 
 }  // namespace pliant::refusals

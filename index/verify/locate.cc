@@ -26,15 +26,15 @@ struct Reason {
 
 constexpr Reason kReasons[] = {
     {LostReason::kNone, "none", "found", TpsRansacFailure::kNone},
-    {LostReason::kFewKeypoints, "few_keypoints", "the image has hardly any keypoints"},
+    {LostReason::kFewKeypoints, "few_keypoints", "the image has too few keypoints"},
     {LostReason::kFewMatches, "few_matches", "too few keypoints match", TpsRansacFailure::kTooFew},
     {LostReason::kNoAgreement, "no_agreement", "the matches do not fit one smooth warp",
      TpsRansacFailure::kNoAgreement},
-    {LostReason::kDegenerate, "degenerate", "the matches that fit lie on one line",
+    {LostReason::kDegenerate, "degenerate", "the inliers lie on one line",
      TpsRansacFailure::kDegenerate},
     {LostReason::kFolded, "folded", "the warp folds over", TpsRansacFailure::kFolded},
-    {LostReason::kFewInliers, "few_inliers", "too few matches fit, which may be chance"},
-    {LostReason::kSmallPatch, "small_patch", "all matches that fit lie in one small area"}};
+    {LostReason::kFewInliers, "few_inliers", "too few inliers: they can be chance"},
+    {LostReason::kSmallPatch, "small_patch", "all inliers lie in one small area"}};
 
 double Area(const std::vector<Vec2>& polygon) {
   double twice = 0;

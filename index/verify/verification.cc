@@ -97,13 +97,13 @@ std::string FailureInWords(const VerificationResult& result) {
     case TpsRansacFailure::kNone:
       break;
     case TpsRansacFailure::kTooFew:
-      return "Only " + matches + " keypoints match, which is too few.";
+      return "Too few keypoints match: " + matches + ".";
     case TpsRansacFailure::kNoAgreement:
       return "The " + matches + " matches do not fit one smooth warp.";
     case TpsRansacFailure::kDegenerate:
-      return "The matches that fit lie on one line, so they do not show how the object bends.";
+      return "The inliers lie on one line, so they do not show how the object bends.";
     case TpsRansacFailure::kFolded:
-      return "The matches that fit would fold the object over itself.";
+      return "The inliers would fold the object over itself.";
   }
   return "";
 }

@@ -42,9 +42,9 @@ const Flag kFlags[] = {
     {"--db", &O::database, "Database: a file, created if it does not exist, or a PostgreSQL URL"},
     {"--listen", &O::listen, "HOST:PORT to listen on; port 0 = any free port"},
     {"--allow-anonymous", &O::allow_anonymous,
-     "Listen beyond loopback without API keys: anyone can then do everything"},
+     "Allow listening beyond loopback without API keys; anyone can then do everything"},
     {"--descriptor", &O::descriptor,
-     "Descriptor of a new database; default: the database's, deal for a new one"},
+     "Descriptor of the database; default: the stored one, deal for a new database"},
     {"--model", &O::model, "Weight file of deal; default: the installed one"},
     {"--keep-originals", &O::keep_originals, "Store uploaded images, for content and thumbnails"},
     {"--originals-dir", &O::originals_dir,
@@ -63,12 +63,12 @@ const Flag kFlags[] = {
     {"--tls-cert", &O::tls_cert, "PEM file with the certificate chain; enables HTTPS"},
     {"--tls-key", &O::tls_key, "PEM file with the private key"},
     {"--cors-origins", &O::cors_origins,
-     "Origins whose pages can send requests, separated by commas, or *; default: only the server's "
+     "Comma-separated origins whose pages can send requests, or *; default: only the server's "
      "page"},
     {"--allowed-hosts", &O::allowed_hosts,
-     "Further host names of the server, separated by commas, or *"},
+     "Comma-separated further host names of the server, or *"},
     {"--fetch-hosts", &O::fetch_hosts,
-     "Hosts for image_url, separated by commas: NAME, *.SUFFIX, either with :PORT, or *; default: "
+     "Comma-separated hosts for image_url: NAME or *.SUFFIX, with or without :PORT, or *; default: "
      "none"},
     {"--fetch-private", &O::fetch_private,
      "Also fetch from loopback and private addresses of --fetch-hosts"},
@@ -80,14 +80,14 @@ const Flag kFlags[] = {
     {"--connections-per-address", &O::connections_per_address,
      "Open connections of one address; others get 503; 0 = no limit", 0, 1'000'000},
     {"--queue-length", &O::queue_length,
-     "Searches, and as many uploads, that wait for a core; others get 503", 1, 65536},
+     "Searches that wait for a core, and the same number of uploads; others get 503", 1, 65536},
     {"--queue-timeout", &O::queue_timeout_s, "Seconds to wait for a core; then 503", 1, 3600},
     {"--max-body-mb", &O::max_body_mb, "Largest body of a request in MiB", 1, 1024},
     {"--max-import-mb", &O::max_import_mb,
      "Largest body of an images:import in MiB; 0 = the free disk space less --reserve-mb", 0,
      1'000'000'000},
     {"--max-inflight-mb", &O::max_inflight_mb,
-     "Bodies of all requests and unsent answers at once in MiB; others get 503", 1, 1048576},
+     "MiB of request bodies and unsent answers held at once; others get 503", 1, 1048576},
     {"--max-header-kb", &O::max_header_kb, "Largest headers of a request in KiB", 1, 1024},
     {"--max-megapixels", &O::max_megapixels, "Largest image in megapixels, checked before decoding",
      1, 10000},
@@ -99,9 +99,7 @@ const Flag kFlags[] = {
      "Disk space in MiB that uploads leave free, so that images can still be removed", 0,
      1'048'576},
     {"--max-keypoints", &O::max_keypoints,
-     "Keypoints per image and described size, at least 16; 0 = the database's value, 1024 for a "
-     "new one",
-     0, 4096},
+     "Keypoints per image, at least 16; 0 = the database's value, 1024 for a new one", 0, 4096},
     {"--max-side", &O::max_side_px,
      "Longer side in pixels to which larger images are scaled, at least 64; 0 = the database's "
      "value, 1024 for a new one",
@@ -115,12 +113,13 @@ const Flag kFlags[] = {
      300},
     {"--idle-timeout", &O::idle_timeout_s, "Seconds until the server closes an idle connection", 1,
      3600},
-    {"--header-timeout", &O::header_timeout_s, "Seconds for the headers of a request", 1, 3600},
-    {"--body-timeout", &O::body_timeout_s, "Seconds for the body of a request", 1, 3600},
-    {"--write-timeout", &O::write_timeout_s,
-     "Seconds in which a client must accept a piece of the answer", 1, 3600},
-    {"--shutdown-timeout", &O::shutdown_timeout_s, "Seconds for running requests after SIGTERM", 0,
+    {"--header-timeout", &O::header_timeout_s, "Seconds to receive the headers of a request", 1,
      3600},
+    {"--body-timeout", &O::body_timeout_s, "Seconds to receive the body of a request", 1, 3600},
+    {"--write-timeout", &O::write_timeout_s,
+     "Seconds for a client to accept the next part of the answer", 1, 3600},
+    {"--shutdown-timeout", &O::shutdown_timeout_s,
+     "Seconds for running requests to finish after SIGTERM", 0, 3600},
 };
 
 std::string EnvironmentName(const std::string& flag) {
@@ -146,11 +145,11 @@ void Define(CLI::App& app, ServerOptions& options) {
   app.set_config("--config", "", "Configuration file (TOML), for example `http-threads = 32`");
   app.allow_config_extras(CLI::config_extras_mode::error);  // refuse unknown names
   app.add_flag("--print-config")
-      ->description("Print the effective configuration as such a file, and exit");
+      ->description("Print the effective configuration as a file for --config, and exit");
   app.set_version_flag("--version", std::string("pliant-server ") + PLIANT_VERSION);
   app.failure_message(cli::UsageError);
   app.footer(
-      "Commands: pliant-server keys create|list|revoke|purge manages API keys.\n"
+      "API keys: pliant-server keys create|list|revoke|purge\n"
       "Example:  pliant-server --db my.db --listen 127.0.0.1:8080\n"
       "          pliant-server keys create --db my.db --name shop --scope write");
 }
@@ -260,8 +259,8 @@ void CheckDirectories(const ServerOptions& options) {
   for (const fs::path& name : {database, fs::weakly_canonical(database, ignored)}) {
     if (!fs::equivalent(name.parent_path(), options.backup_dir, ignored)) continue;
     Fail("backup-dir", options.backup_dir +
-                           " holds the database itself, and clients could download and delete it "
-                           "as a backup; use another directory, such as " +
+                           " contains the database: clients could download and delete it as a "
+                           "backup. Use another directory, such as " +
                            (fs::path(options.backup_dir) / "backups").string());
   }
 }
@@ -274,8 +273,8 @@ void CheckFetching(const ServerOptions& options) {
     Fail("fetch-hosts", "is invalid: " + std::string(error.what()));
   }
   Fail("fetch-private",
-       "needs named hosts: with --fetch-hosts * anyone who can search could reach every service of "
-       "this machine and its network");
+       "needs named hosts. With --fetch-hosts *, any client could reach every service of this "
+       "machine and its network.");
 }
 
 // Each of the values, which commas separate, must match `form`.
@@ -336,13 +335,14 @@ std::string HelpText() {
 void CheckOptions(const ServerOptions& options) {
   CheckDirectories(options);
   if (options.tls_cert.empty() != options.tls_key.empty()) {
-    Fail(options.tls_cert.empty() ? "tls-cert" : "tls-key", "is missing: TLS needs both files");
+    Fail(options.tls_cert.empty() ? "tls-cert" : "tls-key",
+         "is missing: HTTPS needs both --tls-cert and --tls-key");
   }
   CheckFetching(options);
   CheckEach("allowed-hosts", options.allowed_hosts, R"(\*|[A-Za-z0-9._\-]+)",
-            "must be names like images.example without scheme and port, separated by commas, or *");
+            "must be comma-separated names like images.example, without scheme and port, or *");
   CheckEach("cors-origins", options.cors_origins, R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)",
-            "must be like https://shop.example, separated by commas, or *");
+            "must be comma-separated origins like https://shop.example, or *");
 }
 
 HttpOptions MakeHttpOptions(const ServerOptions& options) {
@@ -416,13 +416,12 @@ bool OpenWithoutKeys(const ServerOptions& options) {
 
 void CheckExposure(const ServerOptions& options, bool has_keys) {
   if (has_keys || OpenWithoutKeys(options)) return;
-  throw Error(
-      ErrorCode::kInvalidArgument, "no_keys",
-      "--listen " + options.listen +
-          " is reachable from other machines, and there are no API keys: anyone who reaches the "
-          "port could read, add and delete everything. Create a key: pliant-server keys create "
-          "--scope admin --name NAME --db " +
-          options.database + ". Or listen on 127.0.0.1, or use --allow-anonymous true.");
+  throw Error(ErrorCode::kInvalidArgument, "no_keys",
+              "--listen " + options.listen +
+                  " is reachable from other machines, but there are no API keys. Anyone could "
+                  "read, add and delete everything. Create a key: pliant-server keys create "
+                  "--scope admin --name NAME --db " +
+                  options.database + ". Or listen on 127.0.0.1, or use --allow-anonymous true.");
 }
 
 }  // namespace pliant::server

@@ -162,9 +162,9 @@ void StartWatchdog(const sigset_t& signals, Seconds patience) {
   // Static objects may be gone when it wakes, so it holds the log.
   std::thread watchdog([signals, patience, log = spdlog::default_logger()] {
     if (StopSignalWithin(signals, patience)) {
-      log->warn("second signal: the server ends at once");
+      log->warn("second signal: the server stops immediately");
     } else {
-      log->warn("requests still run after the deadline: the server ends at once");
+      log->warn("requests are still running after the deadline: the server stops immediately");
     }
     log->flush();
     std::_Exit(1);
@@ -190,18 +190,18 @@ int StopServing(HttpServer& http, Service& service, const ServerOptions& options
 }  // namespace
 
 void PrintDecoderProtection(const ServerOptions& options) {
-  std::string text = "in the server";
+  std::string text = "are decoded in the server";
   if (const auto decoder = MakeDecoderOptions(options)) {
     try {
       const DecoderPool pool(*decoder);
-      text = "in child processes with limits on memory and time, and ";
+      text = "are decoded in child processes with limits on memory and time, and ";
       text += pool.missing().empty() ? "on system calls"
                                      : "none on system calls (" + pool.missing() + ")";
     } catch (const Error& error) {
-      text = std::string("by nothing: ") + error.what();
+      text = std::string("cannot be decoded: ") + error.what();
     }
   }
-  std::printf("# Images are decoded %s.\n", text.c_str());
+  std::printf("# Images %s.\n", text.c_str());
 }
 
 int RunServer(const ServerOptions& options) {

@@ -57,7 +57,7 @@ std::string IdOf(const std::string& key) {
 NewKey MakeApiKey(const std::string& name, Scope scope) {
   std::string secret(kSecretBytes, '\0');
   if (RAND_bytes(reinterpret_cast<unsigned char*>(secret.data()), kSecretBytes) != 1) {
-    throw Error(ErrorCode::kInternal, "no_randomness", "the system gives no random numbers");
+    throw Error(ErrorCode::kInternal, "no_randomness", "the system provides no random numbers");
   }
   NewKey made;
   made.record.id = RandomHex(kIdDigits);
@@ -70,9 +70,9 @@ NewKey MakeApiKey(const std::string& name, Scope scope) {
 }
 
 void CheckKeyName(const std::string& name) {
-  CheckObject(name);  // the same rules: UTF-8 without control characters, not too long
+  CheckName(name, "name");
   if (name.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "name_invalid", "the name is empty");
+    throw Error(ErrorCode::kInvalidArgument, "name_invalid", "name must not be empty.");
   }
 }
 
@@ -132,7 +132,7 @@ std::optional<Caller> KeyRing::Identify(const Request& request) {
       CRYPTO_memcmp(key->hash.data(), hash.data(), hash.size()) == 0) {
     if (const auto scope = ScopeFromName(key->scope)) return Caller{key->id, key->name, *scope};
   }
-  throw ProblemError("unauthorized", "The key is unknown or revoked.");
+  throw ProblemError("unauthorized", "This key is unknown or revoked. Use a valid key.");
 }
 
 }  // namespace pliant::server

@@ -49,8 +49,7 @@ void Gate::Admit(const Route& route, Request& request) {
     request.caller = *caller;
     if (caller->scope < route.scope) {
       throw ProblemError("forbidden",
-                         fmt::format("This route needs a key of scope {}. The scope of this key is "
-                                     "{}.",
+                         fmt::format("This route needs a key with scope {}. This key has scope {}.",
                                      ScopeName(route.scope), ScopeName(caller->scope)));
     }
   } else {

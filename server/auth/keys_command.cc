@@ -124,22 +124,22 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
   };
   CLI::App* create = add("create", "Create a key and print it once", Create,
                          "create --db my.db --name shop --scope read");
-  create->add_option("--name", options.name, "what it is for")->required();
+  create->add_option("--name", options.name, "name of the key, such as the program that uses it")
+      ->required();
   create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")
       ->check(cli::OneOf({"read", "write", "admin"}))
       ->capture_default_str();
-  create->add_option("--descriptor", options.engine.descriptor,
-                     "of the database, if it does not exist yet");
+  create->add_option("--descriptor", options.engine.descriptor, "descriptor for a new database");
   create->add_option("--model", options.engine.descriptor_options.model_path,
-                     "weight file of deal, if the database does not exist yet");
+                     "weight file of deal for a new database");
   create->add_flag("--json", options.json, "print one JSON document");
   add("list", "List the keys: id, scope, creation time, name", List, "list --db my.db")
       ->add_flag("--json", options.json, "print one JSON document");
   add("revoke", "Revoke keys; takes effect immediately on a running server", Revoke,
       "revoke shop --db my.db")
-      ->add_option("KEY", options.keys, "ids or names")
+      ->add_option("KEY", options.keys, "ids or names of keys")
       ->required();
-  add("purge", "Delete revoked keys; without any key the server is open on loopback again", Purge,
+  add("purge", "Delete revoked keys; if no key remains, the server on loopback needs none", Purge,
       "purge --db my.db");
 }
 

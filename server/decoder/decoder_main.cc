@@ -28,9 +28,8 @@ namespace pliant::server {
 namespace {
 
 constexpr const char* kTooMuchMemory =
-    "Decoding the image takes more memory than allowed. Scale it down, or save it as a JPEG that "
-    "is "
-    "not progressive.";
+    "Decoding the image takes more memory than allowed. Scale it down, or save it as a "
+    "non-progressive JPEG.";
 constexpr int kArguments = 5;  // program, kDecoderArgument, server, memory, processor time
 
 // Calls read() or write() until all is done. False: the stream has ended, there is no server.

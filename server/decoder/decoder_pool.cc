@@ -18,8 +18,8 @@ using Cause = DecoderEnded::Cause;
 Error RefusalOf(const DecoderEnded& ended) {
   if (ended.cause == Cause::kTimeout) {
     return {ErrorCode::kTooLarge, "image_too_large",
-            "Decoding the image takes longer than allowed. Scale it down, or save it as a JPEG "
-            "that is not progressive."};
+            "Decoding the image takes longer than allowed. Scale it down, or save it as a "
+            "non-progressive JPEG."};
   }
   return {ErrorCode::kUnprocessable, "image_corrupt",
           "The image cannot be decoded: it crashed the decoder. Save it again as JPEG or PNG."};
@@ -90,14 +90,14 @@ DecoderPool::Decoder DecoderPool::Take() {
       decoder->CheckAlive();
       return decoder;
     } catch (const DecoderEnded& ended) {
-      Report(ended, "while it waited");
+      Report(ended, "while idle");
     }
   }
   Decoder started = Start();
   const std::string missing = started->AwaitReady();
   if (!missing.empty() && missing_.empty()) {  // the first one was held
     throw Error(ErrorCode::kUnavailable, "decoder_not_started",
-                "a decoder could not be limited as the first one was: " + missing);
+                "a new decoder lacks limits that the first one had: " + missing);
   }
   return started;
 }

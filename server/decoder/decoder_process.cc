@@ -33,7 +33,7 @@ using Cause = DecoderEnded::Cause;
 constexpr std::chrono::seconds kStartTimeout{60};
 
 [[noreturn]] void ThrowBroken(const std::string& what) {
-  throw DecoderEnded(Cause::kBroken, "it gave an impossible answer: " + what);
+  throw DecoderEnded(Cause::kBroken, "it sent an invalid answer: " + what);
 }
 
 // A field of the answer: printable, whatever the decoder has put there.
@@ -230,7 +230,7 @@ void DecoderProcess::CheckAlive() {
   pollfd waiting = {socket_, POLLIN, 0};
   if (poll(&waiting, 1, 0) == 0) return;
   if ((waiting.revents & POLLHUP) != 0) ThrowEnded();
-  throw DecoderEnded(Cause::kBroken, "it spoke without being asked");
+  throw DecoderEnded(Cause::kBroken, "it sent unexpected data");
 }
 
 std::variant<DecodedImage, Error> DecoderProcess::Decode(Bytes bytes,
@@ -316,13 +316,13 @@ void DecoderProcess::ThrowEnded() {
   Kill();
   if (alive) throw DecoderEnded(Cause::kBroken, "it closed its socket");
   if (ended.si_code == CLD_EXITED) {
-    throw DecoderEnded(Cause::kCrashed, "it left with status " + std::to_string(ended.si_status));
+    throw DecoderEnded(Cause::kCrashed, "it exited with status " + std::to_string(ended.si_status));
   }
   const Cause cause = ended.si_status == SIGSYS    ? Cause::kForbidden
                       : ended.si_status == SIGKILL ? Cause::kKilled
                                                    : Cause::kCrashed;
   throw DecoderEnded(cause, cause == Cause::kForbidden
-                                ? "it made a system call that decoding does not need"
+                                ? "it made a forbidden system call"
                                 : std::string("signal ") + std::to_string(ended.si_status) + " (" +
                                       strsignal(ended.si_status) + ")");
 }

@@ -185,7 +185,7 @@ void RequireAnswer(CURLcode code, const Transfer& transfer, const std::string& i
     case CURLE_ABORTED_BY_CALLBACK:
       ThrowStopping();
     case CURLE_COULDNT_RESOLVE_HOST:
-      ThrowFailed("The name of the host of image_url cannot be resolved.", internal);
+      ThrowFailed("The host name in image_url cannot be resolved.", internal);
     case CURLE_COULDNT_CONNECT:
       if (transfer.forbidden) {
         ThrowNotAllowed("The host of image_url has no public address.", internal);
@@ -197,7 +197,7 @@ void RequireAnswer(CURLcode code, const Transfer& transfer, const std::string& i
     case CURLE_SSL_CONNECT_ERROR:
       ThrowFailed("The TLS certificate of the host of image_url is not trusted.", internal);
     default:
-      ThrowFailed("The host of image_url gave no complete answer.", internal);
+      ThrowFailed("The host of image_url did not send a complete answer.", internal);
   }
 }
 
@@ -223,12 +223,12 @@ WebAddress Next(const WebAddress& address, const std::string& location) {
     try {
       return address.Redirected(location);
     } catch (const Error&) {
-      ThrowFailed("image_url is redirected to an invalid address.");
+      ThrowFailed("image_url redirects to an invalid address.");
     }
   };
   WebAddress there = next();
   if (address.scheme() == "https" && there.scheme() == "http") {
-    ThrowFailed("image_url is redirected from https to http.");
+    ThrowFailed("image_url redirects from https to http, which is not allowed.");
   }
   return there;
 }
@@ -253,8 +253,8 @@ FetchHosts::FetchHosts(const std::vector<std::string>& entries) {
     const int port = fits && parts[2].matched ? std::stoi(parts[2]) : 0;
     if (!fits || port > kLargestPort || (parts[2].matched && port == 0)) {
       throw Error(ErrorCode::kInvalidArgument, "fetch_hosts_invalid",
-                  "hosts to fetch from must be names like images.example.org, *.shop.example or "
-                  "images.example.org:8443, with commas between, or *, not '" +
+                  "use comma-separated hosts like images.example.org, *.shop.example or "
+                  "images.example.org:8443, or *, not '" +
                       text + "'");
     }
     std::string host = CanonicalHost(parts[1]);
@@ -341,13 +341,15 @@ void Fetcher::Stop() { places_->Stop(); }
 
 void Fetcher::RequireAllowed(const WebAddress& address, const char* what) const {
   if (hosts_.Allows(address.scheme(), address.host(), address.port())) return;
-  ThrowNotAllowed(fmt::format("The server does not fetch images from {} (--fetch-hosts).", what));
+  ThrowNotAllowed(
+      fmt::format("The server does not fetch from {}. The operator can set --fetch-hosts.", what));
 }
 
 FetchedImage Fetcher::Fetch(const std::string& url, For whom, const std::function<bool()>& stop,
                             std::shared_ptr<void> place) {
   if (!on()) {
-    throw ProblemError("fetch_off", "The server does not fetch images (--fetch-hosts).",
+    throw ProblemError("fetch_off",
+                       "The server does not fetch images. The operator can set --fetch-hosts.",
                        {.parameter = kParameter});
   }
   WebAddress address(url);
@@ -366,13 +368,13 @@ FetchedImage Fetcher::Fetch(const std::string& url, For whom, const std::functio
       return image;
     }
     if (!IsRedirection(transfer.status) || transfer.location.empty()) {
-      ThrowFailed(fmt::format("The host of image_url answered {}.", transfer.status));
+      ThrowFailed(fmt::format("The host of image_url answered with status {}.", transfer.status));
     }
     if (redirections == kMostRedirections) {
-      ThrowFailed(fmt::format("image_url is redirected more than {} times.", kMostRedirections));
+      ThrowFailed(fmt::format("image_url redirects more than {} times.", kMostRedirections));
     }
     address = Next(address, transfer.location);
-    RequireAllowed(address, "the host and port that image_url is redirected to");
+    RequireAllowed(address, "the host and port that image_url redirects to");
   }
 }
 

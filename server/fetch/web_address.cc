@@ -146,22 +146,22 @@ WebAddress WebAddress::Redirected(const std::string& location) const {
 
 WebAddress::WebAddress(Parts parts, const std::string& text) : parts_(std::move(parts)) {
   if (!parts_) throw std::bad_alloc();
-  if (text.empty()) ThrowInvalid("is empty.");
-  if (text.size() > kMostBytes) ThrowInvalid("is longer than 2048 bytes.");
-  if (HasControlCharacter(text)) ThrowInvalid("has control characters.");
+  if (text.empty()) ThrowInvalid("must not be empty.");
+  if (text.size() > kMostBytes) ThrowInvalid("must have at most 2048 bytes.");
+  if (HasControlCharacter(text)) ThrowInvalid("must not contain control characters.");
   const CURLUcode code = curl_url_set(parts_.get(), CURLUPART_URL, text.c_str(),
                                       CURLU_URLENCODE | CURLU_DISALLOW_USER);
-  if (code == CURLUE_USER_NOT_ALLOWED) ThrowInvalid("must not name a user.");
+  if (code == CURLUE_USER_NOT_ALLOWED) ThrowInvalid("must not contain a user name.");
   if (code != CURLUE_OK) {
-    ThrowInvalid("must be an address like https://images.example.org/mug.jpg.");
+    ThrowInvalid("must be a URL like https://images.example.org/mug.jpg.");
   }
   scheme_ = Part(CURLUPART_SCHEME);
   if (scheme_ != "http" && scheme_ != "https") ThrowInvalid("must begin with http:// or https://.");
   host_ = CanonicalHost(Part(CURLUPART_HOST));
   if (host_.empty() || !IsHost(host_) || !Part(CURLUPART_ZONEID).empty()) {
-    ThrowInvalid("must name its host in ASCII (xn--...) or by its address.");
+    ThrowInvalid("must have an ASCII host name (xn--...) or an IP address.");
   }
-  if (Display().size() > kMostBytes) ThrowInvalid("is longer than 2048 bytes.");
+  if (Display().size() > kMostBytes) ThrowInvalid("must have at most 2048 bytes.");
   port_ = std::stoi(Part(CURLUPART_PORT, CURLU_DEFAULT_PORT));
 }
 

@@ -74,7 +74,8 @@ std::optional<ByteRange> RangeOf(std::string_view header, std::uint64_t bytes) {
   if (from_end ? !last : !first || (!open && (!last || *last < *first))) return std::nullopt;
   const std::uint64_t begin = from_end ? bytes - std::min(*last, bytes) : *first;
   if (begin >= bytes) {
-    throw ProblemError("range_not_satisfiable", "The range is outside of the file.",
+    throw ProblemError("range_not_satisfiable",
+                       fmt::format("The range is outside the file of {} bytes.", bytes),
                        {.content_range = fmt::format("bytes */{}", bytes)});
   }
   return ByteRange{begin, from_end || open ? bytes - 1 : std::min(*last, bytes - 1)};

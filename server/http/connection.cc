@@ -130,7 +130,7 @@ bool Connection::End() {
 bool Connection::OnTimeout() {
   if (phase_ == Phase::kWaiting) return Serve();
   if (phase_ == Phase::kHead || phase_ == Phase::kBody) {
-    return Refuse({"request_timeout", "The request did not arrive in time."});
+    return Refuse({"request_timeout", "The request did not arrive in time. Send it again."});
   }
   return End();  // nobody to tell, or nothing to say
 }
@@ -284,7 +284,7 @@ bool Connection::Refill() {
   answer_.text.resize(kFilePieceBytes);
   const std::ptrdiff_t got =
       answer_.file->Read(file_sent_, answer_.text.data(), answer_.text.size());
-  if (got <= 0) throw std::runtime_error("a file ends before its end");  // more was promised
+  if (got <= 0) throw std::runtime_error("a file is shorter than expected");  // more was promised
   answer_.text.resize(static_cast<std::size_t>(got));
   file_sent_ += static_cast<std::uint64_t>(got);
   return true;

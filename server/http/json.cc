@@ -36,10 +36,10 @@ Json Parse(const std::string& text, const std::string& name, Json::value_t top,
     return !too_deep && !too_many;  // what is refused here is not kept
   };
   Json json = Json::parse(text, watch, /*allow_exceptions=*/false);
-  if (too_deep) throw fail(fmt::format("is nested more than {} deep.", kMaxJsonDepth));
-  if (too_many) throw fail(fmt::format("has more than {} names in one object.", kMaxJsonNames));
+  if (too_deep) throw fail(fmt::format("is nested more than {} levels deep.", kMaxJsonDepth));
+  if (too_many) throw fail(fmt::format("has more than {} keys in one object.", kMaxJsonNames));
   if (json.is_discarded()) throw fail("is not valid JSON.");
-  if (!twice.empty()) throw fail("has " + twice + " more than once.");
+  if (!twice.empty()) throw fail("has the key " + twice + " more than once.");
   if (json.type() != top) throw fail(fmt::format("must be a JSON {}.", top_name));
   return json;
 }

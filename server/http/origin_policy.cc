@@ -89,7 +89,7 @@ void OriginPolicy::CheckSameSite(const Request& request) const {
   const bool same_origin = origin.empty() || origin == "http://" + request.header("Host") ||
                            origin == "https://" + request.header("Host");
   if (site == "cross-site" || site == "same-site" || !same_origin) {
-    throw ProblemError("cross_site", "Requests from pages of other sites are not accepted.");
+    throw ProblemError("cross_site", "Pages of other sites need permission (--cors-origins).");
   }
 }
 

@@ -97,10 +97,10 @@ ImageText TakeImage(Json& object, const std::string& of = {}) {
     }
     return std::move(value.get_ref<std::string&>());
   };
-  ImageText image{take(kImagePart, "base64"), take("image_url", "an address on the web")};
+  ImageText image{take(kImagePart, "base64"), take("image_url", "a URL")};
   if (image.base64 && image.url) {
     ThrowInvalid(of.empty() ? "image_url" : of,
-                 (of.empty() ? "" : of + ": ") + "image_url and image exclude each other.");
+                 (of.empty() ? "" : of + ": ") + "image and image_url cannot be combined.");
   }
   return image;
 }
@@ -179,7 +179,7 @@ std::string WantedOf(const Parameter& spec, const Json& value) {
                                       constexpr double kMost = std::numeric_limits<double>::max();
                                       return IsNumberIn(one, -kMost, kMost);
                                     }),
-                    fmt::format("{} numbers with commas between them", spec.count));
+                    fmt::format("{} comma-separated numbers", spec.count));
     case Type::kBoolean:
       return unless(value.is_boolean(), "true or false");
     case Type::kJson:
@@ -212,10 +212,10 @@ std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view
     Part part = TakeHeaders(body);
     const std::string_view content = TakeUpTo(body, delimiter);
     if (part.name != kImagePart && content.size() > kMostFieldBytes) {
-      throw ProblemError("body_too_large",
-                         fmt::format("The form field \"{}\" has more than {} bytes. Only an image "
-                                     "can have more: send it as \"image\".",
-                                     ToDisplayText(part.name.substr(0, 64)), kMostFieldBytes));
+      throw ProblemError(
+          "body_too_large",
+          fmt::format("The form field \"{}\" has more than {} bytes. Send an image as \"image\".",
+                      ToDisplayText(part.name.substr(0, 64)), kMostFieldBytes));
     }
     part.content = content;
     parts.push_back(std::move(part));
@@ -259,7 +259,7 @@ const Parameter& Parameters::Known(const std::string& name) const {
 
 void Parameters::InsertText(const std::string& name, const std::string& text) {
   const Parameter& spec = Known(name);
-  if (!IsValidUtf8(text)) ThrowInvalid(name, name + " is not UTF-8.");
+  if (!IsValidUtf8(text)) ThrowInvalid(name, name + " must be valid UTF-8.");
   Insert(spec, ValueOf(spec, text));
 }
 
@@ -282,7 +282,7 @@ void Parameters::Insert(const Parameter& spec, Json value) {
   }
   ImageText image = TakeImage(value, name);
   if (!value.empty()) {
-    ThrowInvalid(name, fmt::format("Unknown key \"{}\" in {}. It takes image and image_url.",
+    ThrowInvalid(name, fmt::format("Unknown key \"{}\" in {}. Use image or image_url.",
                                    value.begin().key().substr(0, kShownNameBytes), name));
   }
   if (!image.base64 && !image.url) {

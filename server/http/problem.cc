@@ -34,11 +34,11 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"duplicate_parameter", 400, "a parameter was given twice (`parameter` names it)"},
     {"invalid_cursor", 400, "invalid cursor for this list; start again without a cursor"},
     {"invalid_json", 400,
-     "the JSON does not parse, is nested too deep, has a name twice or more than 1000 names in "
-     "one object, or is not an object"},
+     "the JSON is invalid, nested too deep or not an object, or an object has a duplicate key or "
+     "more than 1000 keys"},
     {"unauthorized", 401, "the key is missing or invalid"},
     {"forbidden", 403, "the scope of the key does not allow this"},
-    {"cross_site", 403, "a page of another site tried to change something"},
+    {"cross_site", 403, "the request comes from a page of another site (--cors-origins)"},
     {"route_not_found", 404, "no route has this path"},
     {"collection_not_found", 404, "no collection has this name"},
     {"alias_not_found", 404, "no alias has this name"},
@@ -48,13 +48,13 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"job_not_found", 404, "no job has this id, or the server has deleted its record"},
     {"backup_not_found", 404, "no backup has this name"},
     {"key_not_found", 404, "no valid key has this id"},
-    {"method_not_allowed", 405, "the path exists, but not with this method (see Allow)"},
+    {"method_not_allowed", 405, "this path does not support the method (see Allow)"},
     {"request_timeout", 408, "the request did not arrive in time"},
     {"no_vocabulary", 409, "the collection has no vocabulary yet; the detail says what to do"},
     {"imports_off", 409, "the server has no --import-dir"},
     {"backups_off", 409, "the server has no --backup-dir"},
     {"backup_exists", 409, "a backup with this name exists"},
-    {"fetch_off", 409, "the server fetches no images (--fetch-hosts)"},
+    {"fetch_off", 409, "the server does not fetch images (--fetch-hosts)"},
     {"first_key_admin", 409, "the first key must have the scope admin"},
     {"last_admin_key", 409, "the last key of scope admin cannot be revoked over HTTP"},
     {"idempotency_running", 409, "the first request with this Idempotency-Key is still running"},
@@ -62,12 +62,11 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
      "the server stopped during the job, and the job cannot continue (of a job)"},
     {"precondition_failed", 412,
      "the resource does not meet If-Match or If-None-Match; read it again"},
-    {"body_too_large", 413,
-     "the body is larger than --max-body-mb, or an import than --max-import-mb"},
+    {"body_too_large", 413, "the body exceeds --max-body-mb, or an import exceeds --max-import-mb"},
     {"uri_too_long", 414, "the address is too long"},
     {"unsupported_content_type", 415, "this route does not accept this Content-Type"},
     {"unsupported_content_encoding", 415, "the server does not accept compressed bodies"},
-    {"range_not_satisfiable", 416, "the Range header is invalid or outside of the file"},
+    {"range_not_satisfiable", 416, "the range in the Range header is outside the file"},
     {"host_not_allowed", 421, "unknown host name in the Host header (--allowed-hosts)"},
     {"idempotency_other", 422,
      "this Idempotency-Key was already used for a different request in the last day"},
@@ -92,14 +91,14 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"collection_is_alias", 409, "delete the collection by its own name, not by an alias"},
     {"collection_exists", 409, "an alias cannot have the name of a collection"},
     {"same_bytes", 409,
-     "the collection has these bytes as an image with another object or other metadata"},
+     "the collection already has this image with another object or other metadata"},
     {"object_exists", 409, "another object has this name; `merge=true` merges the two"},
     {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
     {"no_images", 409, "there are no images to train a vocabulary from (of a job)"},
     {"image_too_large", 413,
      "the image exceeds --max-megapixels, --max-decode-mb or --decode-timeout"},
     {"image_type_unknown", 415, "the bytes are not an image of a supported type"},
-    {"image_empty", 422, "the image has no pixels"},
+    {"image_empty", 422, "the image is empty (0 bytes)"},
     {"image_too_small", 422, "the image is too small to be described"},
     {"image_truncated", 422, "the image ends too early"},
     {"image_corrupt", 422, "the image is damaged, or it crashed its decoder"},
@@ -145,7 +144,7 @@ Problem Hidden(const std::string& code, const std::string& internal) {
       {"no_space", "The server has no space left to store this."},
   };
   const char* detail = ValueOf<std::string_view, const char*>(
-      kDetails, code, "Something went wrong on the server. Its log has more under the request id.");
+      kDetails, code, "Internal error. Find the cause in the server's log by the request id.");
   return Completed(code, detail, {.internal = internal});
 }
 

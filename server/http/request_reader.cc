@@ -43,13 +43,13 @@ std::string ReadRequestLine(std::string_view line, RequestHead& head) {
   const std::size_t first = line.find(' ');
   const std::size_t last = line.rfind(' ');
   if (first == last || line.find(' ', first + 1) != last) {
-    return "The request line is not \"METHOD target HTTP/1.1\".";
+    return "The request line must be \"METHOD target HTTP/1.1\".";
   }
   const std::string_view version = line.substr(last + 1);
   head.is_http_1_0 = version == "HTTP/1.0";
-  if (version != "HTTP/1.1" && !head.is_http_1_0) return "The HTTP version is not 1.1 or 1.0.";
+  if (version != "HTTP/1.1" && !head.is_http_1_0) return "The HTTP version must be 1.1 or 1.0.";
   const auto* method = std::find(kMethods.begin(), kMethods.end(), line.substr(0, first));
-  if (method == kMethods.end()) return "The method is unknown.";
+  if (method == kMethods.end()) return "Unknown HTTP method.";
   head.method = *method;
   head.target = line.substr(first + 1, last - first - 1);
   return {};
@@ -58,7 +58,7 @@ std::string ReadRequestLine(std::string_view line, RequestHead& head) {
 std::string ReadField(std::string_view line, RequestHead& head) {
   if (line.size() > kMostLineBytes) return "A header field is too long.";
   if (line.front() == ' ' || line.front() == '\t') {
-    return "A header field is folded over several lines.";
+    return "A header field must be on one line.";
   }
   const std::size_t colon = std::min(line.find(':'), line.size());
   const std::string_view name = line.substr(0, colon);
@@ -77,7 +77,7 @@ std::string ReadFraming(RequestHead& head) {
   const bool has_encoding = encoding != head.fields.end();
   if (head.fields.count("Content-Length") > 1 || head.fields.count("Transfer-Encoding") > 1 ||
       (has_encoding && (has_length || head.is_http_1_0))) {
-    return "The length of the body is ambiguous.";
+    return "Send either Content-Length or Transfer-Encoding, and only once.";
   }
   if (has_encoding) {
     const bool chunked = EqualsIgnoringCase(encoding->second, "chunked");
@@ -88,7 +88,7 @@ std::string ReadFraming(RequestHead& head) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), head.length);
   const bool too_large = error == std::errc::result_out_of_range;
   if (end != text.data() + text.size() || (error != std::errc() && !too_large)) {
-    return "Content-Length is not a number.";
+    return "Content-Length must be a number.";
   }
   if (too_large) head.length = std::numeric_limits<std::uint64_t>::max();
   if (head.length > 0) head.framing = BodyFraming::kLength;
@@ -102,13 +102,13 @@ RequestHead ReadRequestHead(std::string_view text) {
   for (bool first = true; head.fault.empty() && !text.empty(); first = false) {
     const std::size_t end = text.find('\n');
     if (end == text.npos || end == 0 || text[end - 1] != '\r') {
-      head.fault = "A line of the head does not end in CR LF.";
+      head.fault = "Every header line must end with CR LF.";
       break;
     }
     const std::string_view line = text.substr(0, end - 1);
     text.remove_prefix(end + 1);
     if (std::any_of(line.begin(), line.end(), IsControl)) {
-      head.fault = "The head contains control characters.";
+      head.fault = "The headers must not contain control characters.";
     } else if (first) {
       head.fault = ReadRequestLine(line, head);
     } else if (!line.empty()) {
@@ -198,7 +198,8 @@ bool RequestReader::ReadHead() {
   const std::size_t known = std::min(end, buffer_.size());
   // Empty lines count, too: a client could send them for ever.
   if (known > max_header_bytes_) {
-    return Refuse({"headers_too_large", "The headers are too large."});
+    return Refuse({"headers_too_large", fmt::format("The headers can have at most {}.",
+                                                    FormatBytes(max_header_bytes_))});
   }
   const bool bare = HasBareLineFeed(std::string_view(buffer_).substr(0, known), searched_);
   searched_ = buffer_.size();
@@ -208,8 +209,8 @@ bool RequestReader::ReadHead() {
   begin_ = searched_ = 0;
   chunks_ = ChunkedBody(max_body_bytes_);
   if (head_.fields.size() > kMostFields) {
-    return Refuse(
-        {"headers_too_large", fmt::format("There are more than {} header fields.", kMostFields)});
+    return Refuse({"headers_too_large",
+                   fmt::format("A request can have at most {} header fields.", kMostFields)});
   }
   return head_.fault.empty() || Refuse({"bad_request", head_.fault});
 }

@@ -38,11 +38,11 @@ std::string DecodeSegment(std::string_view text) {
     }
     const int high = i + 2 < text.size() ? HexValue(text[i + 1]) : -1;
     const int low = i + 2 < text.size() ? HexValue(text[i + 2]) : -1;
-    if (high < 0 || low < 0) throw ProblemError("bad_request", "The path has a broken % escape.");
+    if (high < 0 || low < 0) throw ProblemError("bad_request", "The path has an invalid % escape.");
     decoded += static_cast<char>(high * 16 + low);
     i += 2;
   }
-  if (!IsValidUtf8(decoded)) throw ProblemError("bad_request", "The path is not UTF-8.");
+  if (!IsValidUtf8(decoded)) throw ProblemError("bad_request", "The path must be valid UTF-8.");
   return decoded;
 }
 
@@ -92,7 +92,8 @@ const Route& Router::Resolve(Request& request) const {
     return routes_[i];
   }
   const std::string allowed = AllowedMethods(request.segments);
-  throw ProblemError("method_not_allowed", "Allowed methods for this path: " + allowed + ".",
+  throw ProblemError("method_not_allowed",
+                     "This path takes " + allowed + ", not " + request.method + ".",
                      {.allow = allowed});
 }
 
@@ -109,7 +110,7 @@ std::string Router::AllowedMethods(const std::vector<std::string>& segments) con
 
 std::vector<std::string> SplitPath(std::string_view path) {
   if (path.empty() || path.front() != '/') {
-    throw ProblemError("bad_request", "The address must begin with /.");
+    throw ProblemError("bad_request", "The path must begin with /.");
   }
   std::vector<std::string> segments;
   std::size_t begin = 1;

@@ -168,7 +168,7 @@ void Session::CheckFraming() {
   const std::string coding = Lower(request_.header("Content-Encoding"));
   if (request_.has_body && !coding.empty() && coding != "identity") {
     throw ProblemError("unsupported_content_encoding",
-                       "The server does not accept compressed bodies.");
+                       "The server does not accept compressed bodies. Send the body uncompressed.");
   }
 }
 

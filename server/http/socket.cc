@@ -39,7 +39,7 @@ TlsContext::TlsContext(const std::string& certificate_file, const std::string& k
   SSL_CTX_set_min_proto_version(context, TLS1_2_VERSION);
   // Without key exchange by the certificate's own key, which keeps no secret once that is lost.
   if (SSL_CTX_set_cipher_list(context, "HIGH:!kRSA:!aNULL:!eNULL:!PSK:!SRP") != 1) {
-    ThrowTls("The ciphers cannot be chosen");
+    ThrowTls("The TLS ciphers cannot be set");
   }
   SSL_CTX_set_options(context, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION);
   SSL_CTX_set_mode(context, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER |

@@ -42,7 +42,7 @@ std::string NameOfNow() {
 }
 
 [[noreturn]] void ThrowNotFound() {
-  throw ProblemError("backup_not_found", "There is no backup of this name.");
+  throw ProblemError("backup_not_found", "No backup has this name.");
 }
 
 // Nothing if it is no regular file with the name of a backup.
@@ -108,11 +108,11 @@ JobStatus Backups::Add(JobStore& jobs, std::string name) const {
   if (name.empty()) name = NameOfNow();
   if (!IsName(name)) {
     throw ProblemError("invalid_parameter",
-                       "name must be letters, digits, . _ - and end in \".db\".")
+                       "name must be at most 100 letters, digits, . _ - and end in \".db\".")
         .Parameter("name");
   }
   if (fs::exists(fs::symlink_status(directory_ / name))) {
-    throw ProblemError("backup_exists", "A backup of this name exists. Choose another name.");
+    throw ProblemError("backup_exists", "A backup with this name exists. Choose another name.");
   }
   return jobs.Add("backup", "", Json{{"name", name}});
 }

@@ -35,7 +35,7 @@ bool IsId(std::string_view text) { return text.size() == kIdDigits && FromHex(te
 void CheckSize(std::uint64_t bytes, std::uint64_t max_bytes) {
   if (max_bytes == 0 || bytes <= max_bytes) return;
   throw ProblemError("body_too_large",
-                     "An import may have at most " + FormatBytes(max_bytes) + ".");
+                     "An import can have at most " + FormatBytes(max_bytes) + ".");
 }
 
 std::set<std::string> IdsInUse(const JobStore& jobs) {
@@ -79,7 +79,7 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
   RequireDiskSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
   std::shared_ptr<int> slot = slots_;
   if (slot.use_count() - 1 > kMostUploads) {  // slots_ itself is one
-    throw ProblemError("busy", "Other large imports are being sent. Try again later.")
+    throw ProblemError("busy", "Other clients are sending large imports. Try again later.")
         .RetryAfter(30);
   }
   const std::string id = RandomHex(kIdDigits);

@@ -181,7 +181,7 @@ std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
     if (at == 0 && archive.starts_with("\x1f\x8b")) {
       throw ProblemError("bad_request", "The TAR archive is compressed. Send it uncompressed.");
     }
-    if (!IsHeader(header)) ThrowDamaged(at, at == 0 ? "has no header" : "is damaged");
+    if (!IsHeader(header)) ThrowDamaged(at, at == 0 ? "has no valid header" : "is damaged");
     const char type = header[156];
     const auto stated = NumberOf(header.substr(124, 12));
     const bool is_about_next = type == 'x' || type == 'L';
@@ -236,7 +236,7 @@ BulkItem BulkItems::Item(std::size_t i) const {
   const Raw& item = items_.at(i);
   if (item.content.size() > defaults_.max_item_bytes) {
     throw ProblemError("body_too_large",
-                       "An item may have at most " + FormatBytes(defaults_.max_item_bytes) + ".");
+                       "An item can have at most " + FormatBytes(defaults_.max_item_bytes) + ".");
   }
   return is_tar_ ? OfFile(item) : OfLine(item.content);
 }
@@ -248,20 +248,20 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
         name != "metadata" && name != "source") {
       throw ProblemError("unknown_parameter",
                          "Unknown field '" + ToDisplayText(name.substr(0, 64)) +
-                             "'. A line has image, image_url, id, object, metadata and source.")
+                             "'. A line takes image, image_url, id, object, metadata and source.")
           .Parameter(ToDisplayText(name.substr(0, 64)));
     }
   }
   const auto image = TextIn(json, "image");
   BulkItem item;
   item.url = TextIn(json, "image_url");
-  if (image && item.url) ThrowInvalid("image_url", "image_url and image exclude each other.");
+  if (image && item.url) ThrowInvalid("image_url", "image and image_url cannot be combined.");
   if (!image && !item.url) {
     throw ProblemError("missing_parameter", "image or image_url is required.").Parameter("image");
   }
   if (image) {
     auto decoded = std::make_shared<std::vector<std::uint8_t>>();
-    if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image is not base64.");
+    if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image must be valid base64.");
     item.request.bytes = *decoded;
     item.decoded = std::move(decoded);
   }

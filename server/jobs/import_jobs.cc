@@ -42,7 +42,7 @@ int ImportsAtOnce(const WorkerPool& pool) {
 
 [[noreturn]] void ThrowImportStopped() {
   throw Error(ErrorCode::kCancelled, "import_cancelled",
-              "the import was stopped; what it has added stays");
+              "the import was stopped; the images added so far remain");
 }
 
 AddResult AddAndTell(const ImportServices& services, const JobStatus& job, AddRequest request,
@@ -109,7 +109,7 @@ struct BulkImport {
     const Json& parameters = job.parameters;
     if (!file && !input) {
       if (done > 0 && done == parameters.value("items", std::size_t{0})) return;
-      throw Error(ErrorCode::kConflict, "interrupted", "the body of the import is gone");
+      throw Error(ErrorCode::kConflict, "interrupted", "The import's data is gone. Send it again.");
     }
     const BulkItems items(
         body, parameters.at("type").get<std::string>(),
@@ -197,7 +197,7 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
   if (name.empty() || name.find('\0') != std::string::npos || relative.is_absolute() ||
       std::find(relative.begin(), relative.end(), "..") != relative.end()) {
     ThrowBadFolder(
-        "must be a path inside the import directory, without \"..\"; \".\" is all of it.");
+        "must be a path inside the import directory, without \"..\". Use \".\" for all.");
   }
   std::error_code error;
   const fs::path root = fs::canonical(directory, error);

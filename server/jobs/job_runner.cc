@@ -50,11 +50,11 @@ void JobRunner::Adopt(const JobRecord& record) {
   } else {
     status.state = JobState::kFailed;
     status.problem =
-        ProblemError("interrupted", "The server ended during this job. Start the job again.")
+        ProblemError("interrupted", "The server stopped during this job. Start the job again.")
             .problem();
   }
   if (store_.Adopt(record.owner, status) && runs && status.state == JobState::kQueued) {
-    spdlog::info("job {} ({}) begins again", status.id, status.kind);
+    spdlog::info("job {} ({}) starts again", status.id, status.kind);
   }
 }
 
@@ -107,7 +107,7 @@ void JobRunner::Finish(const JobStore::OwnJobPtr& job, const std::string& result
     --status.attempts;  // the job is not at fault
     status.state = JobState::kQueued;
   } else if (again) {
-    spdlog::warn("job {} ({}) begins again: {} {}", status.id, status.kind, problem->code,
+    spdlog::warn("job {} ({}) starts again: {} {}", status.id, status.kind, problem->code,
                  problem->internal);
     status.state = JobState::kQueued;
   } else {

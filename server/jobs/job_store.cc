@@ -27,7 +27,7 @@ bool IsActive(JobState state) { return state == JobState::kQueued || state == Jo
 std::string JobStateName(JobState state) { return kStateNames.at(static_cast<std::size_t>(state)); }
 
 void ThrowJobNotFound() {
-  throw ProblemError("job_not_found", "This job does not exist, or was forgotten after its end.");
+  throw ProblemError("job_not_found", "No job has this id, or the server has deleted its record.");
 }
 
 JobRecord ToRecord(const JobStatus& status, const std::string& owner) {
@@ -324,7 +324,7 @@ bool JobStore::Save(const OwnJobPtr& job, const JobStatus& status) {
     spdlog::warn("cannot save the state of job {}: {}", status.id, error.what());
     return false;
   }
-  spdlog::warn("job {} ends here: another server has adopted it", status.id);
+  spdlog::warn("job {} stops on this server: another server has adopted it", status.id);
   const std::lock_guard lock(mutex_);
   std::erase(own_, job);
   job->stop.request_stop();

@@ -125,7 +125,7 @@ void AutoTrainer::Run() {
     try {
       TrainIfDue(collection);
     } catch (const std::exception& error) {
-      spdlog::warn("automatic training of '{}': {}", collection, error.what());
+      spdlog::warn("automatic training of '{}' failed: {}", collection, error.what());
     }
     lock.lock();
   }

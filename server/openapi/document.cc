@@ -77,7 +77,7 @@ std::string TagOf(const Route& route) {
 
 Json TagsOf(const std::vector<Route>& routes) {
   static const std::map<std::string, std::string> meanings = {
-      {"aliases", "Other names of collections"},
+      {"aliases", "Alternative names of collections"},
       {"backups", "Copies of the database in the operator's directory"},
       {"collections", "Separate sets of images, objects and vocabularies"},
       {"compare", "Comparing two images"},
@@ -89,7 +89,7 @@ Json TagsOf(const std::vector<Route>& routes) {
       {"keys", "API keys, and what the caller can do"},
       {"objects", "The objects that the images show"},
       {"page", "The web page, and this document"},
-      {"search", "Which object is this?"},
+      {"search", "Find the object that an image shows"},
       {"vocabularies", "Training and activating vocabularies of visual words"}};
   std::set<std::string> used;
   for (const Route& route : routes) used.insert(TagOf(route));
@@ -285,7 +285,7 @@ void AddHeaderParameters(const Route& route, Json& parameters) {
   };
   if (HeedsIdempotencyKey(route)) {
     add("Idempotency-Key",
-        "a new name for each request; the server performs a request sent again only once");
+        "a new value for each request; the server performs a repeated request only once");
   }
   if (route.takes_if_match)
     add("If-Match", "ETags: change the resource only if one of them is current; or *");

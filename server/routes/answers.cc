@@ -48,7 +48,7 @@ Response TaggedResponse(const Json& json) { return WithEtag(CachedAs("private, n
 void CheckIfMatch(const Request& request, const Json& record) {
   if (IfMatchHolds(request, EtagOf(record))) return;
   throw ProblemError("precondition_failed",
-                     "Precondition failed: the resource is not in the state that If-Match names.");
+                     "Precondition failed: the resource does not match If-Match. Read it again.");
 }
 
 void CheckConditionsOf(const Request& request, const Json& record_or_null) {

@@ -108,7 +108,7 @@ Response DeleteAlias(Service& service, const Request& request, const Parameters&
 
 void AddAliasRoutes(RouteTable& table) {
   table.Add("GET /v1/aliases", "aliases.list", ListAliases)
-      .Summary("List all aliases. An alias replaces a collection's name in every path")
+      .Summary("List all aliases. An alias can replace the collection's name in every path")
       .Answers(200, "all aliases by name", "AliasList")
       .Example(R"(curl "$PLIANT/v1/aliases")");
   table.Add("GET /v1/aliases/{a}", "aliases.get", GetAlias)
@@ -154,7 +154,7 @@ void AddCollectionRoutes(RouteTable& table) {
       .Answers(200, "the collection", "Collection")
       .Example(R"(curl "$PLIANT/v1/collections/default")");
   table.Add("PUT /v1/collections/{c}", "collections.put", PutCollection)
-      .Summary("Create a collection; an existing one stays as it is")
+      .Summary("Create a collection; an existing collection does not change")
       .Needs(Scope::kAdmin)
       .Answers(201, "created", "Collection")
       .Answers(200, "the collection existed", "Collection")

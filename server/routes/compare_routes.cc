@@ -38,7 +38,7 @@ Pair PairOf(const Request& request, const Parameters& parameters, Fetcher& fetch
     }
   }
   if (taken < uploaded.size()) {
-    throw ProblemError("duplicate_parameter", "The request has more than two images.")
+    throw ProblemError("duplicate_parameter", "The request has more than two images. Send two.")
         .Parameter("image");
   }
   // Both share one: a request that holds the first image must not wait for the second.
@@ -75,10 +75,10 @@ Response Compare(Service& service, const Request& request, const Parameters& par
 void AddCompareRoutes(RouteTable& table) {
   table.Add("POST /v1/compare", "compare", Compare)
       .Summary(
-          "Compare two images: do they show the same object, and where is it in the second image? "
-          "The server stores neither")
+          "Compare two images: whether they show the same object, and where it is in the second. "
+          "The server stores neither image")
       .Body(BodyKind::kPair)
-      .Takes({Parameter("first", "the first image, if no form field image sends it").Image(),
+      .Takes({Parameter("first", "the first image, unless a form field image has it").Image(),
               Parameter("second", "the second image, likewise").Image(),
               Parameter("explain", "add the inliers and the warp").Boolean().Default("false")})
       .Answers(200, "the comparison", "Comparison")

@@ -229,8 +229,8 @@ Parameter MetadataParameter() {
 }
 Parameter Sha256Parameter() {
   return {"sha256",
-          "the SHA-256 of the image's record; if it is current, caches can keep the answer for "
-          "ever (Cache-Control: immutable)"};
+          "the SHA-256 of the image's record; if it is current, caches can keep the answer "
+          "permanently (Cache-Control: immutable)"};
 }
 
 void AddUploadRoutes(RouteTable& table) {
@@ -242,7 +242,7 @@ void AddUploadRoutes(RouteTable& table) {
               ObjectParameter(),
               MetadataParameter()})
       .Answers(201, "added", "Image")
-      .Answers(200, "unchanged: the collection has the same bytes", "Image")
+      .Answers(200, "unchanged: the collection already has the same bytes", "Image")
       .Example(R"(curl -F image=@mug.png -F object=mug )"
                R"("$PLIANT/v1/collections/default/images")");
   table.Add("PUT /v1/collections/{c}/images/{id}", "images.put", Put)

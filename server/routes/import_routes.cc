@@ -77,8 +77,8 @@ void AddImportRoutes(RouteTable& table) {
           {{"object", "object of all images; a line of JSON can name another one"},
            Parameter("metadata", "metadata of all images; a line of JSON can have other metadata")
                .Json(),
-           ObjectFromParameter("in a TAR archive, what names an image's object; auto: its "
-                               "folder if the archive has folders, else its file name")})
+           ObjectFromParameter("source of the object's name in a TAR archive; auto: the folder if "
+                               "the archive has folders, else the file name")})
       .Receives(ReceiveImport)
       .Answers(202, "the job; its items are the results for each image", "Job")
       .Codes({"missing_parameter"})
@@ -90,8 +90,8 @@ void AddImportRoutes(RouteTable& table) {
       .Body(BodyKind::kJson)
       .Takes(
           {Parameter("folder", "path below --import-dir; \".\" is the whole directory").Required(),
-           ObjectFromParameter("what names an image's object; auto: folder if the folder has "
-                               "folders, else stem (the file name)")})
+           ObjectFromParameter("source of the object's name; auto: folder if there are subfolders, "
+                               "else stem (the file name)")})
       .Answers(202, "the job; Location has its address", "Job")
       .Codes({"imports_off"})
       .Example(R"(curl -H "Content-Type: application/json" -d '{"folder": "shelf"}' )"

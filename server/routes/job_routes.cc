@@ -87,7 +87,7 @@ void AddJobRoutes(RouteTable& table) {
       .Answers(200, "the jobs", "JobList")
       .Example(R"(curl "$PLIANT/v1/jobs")");
   table.Add("GET /v1/jobs/{id}", "jobs.get", Get)
-      .Summary("Get the state of a job; with `wait`, as soon as the job has ended")
+      .Summary("Get the state of a job; with `wait`, wait until the job has ended")
       .Takes({Parameter("wait", "seconds to wait for the end of the job")
                   .Number(0, kLongestWaitS)
                   .Default("0")})
@@ -101,9 +101,9 @@ void AddJobRoutes(RouteTable& table) {
       .Codes({"job_not_found"})
       .Example(R"(curl "$PLIANT/v1/jobs/$JOB/items")");
   table.Add("DELETE /v1/jobs/{id}", "jobs.cancel", Cancel)
-      .Summary("Cancel a job; a job that has ended stays as it is")
+      .Summary("Cancel a job; a job that has ended does not change")
       .Needs(Scope::kWrite)
-      .Answers(202, "the job, which ends soon unless it has ended", "Job")
+      .Answers(202, "the job; it ends soon if it has not ended yet", "Job")
       .Codes({"job_not_found"})
       .Example(R"(curl -X DELETE "$PLIANT/v1/jobs/$JOB")");
 }

@@ -24,7 +24,7 @@ std::string NameOf(const Parameters& parameters) {
   try {
     CheckKeyName(name);
   } catch (const Error& error) {
-    ThrowInvalid("name", std::string(error.what()) + ".");
+    ThrowInvalid("name", error.what());
   }
   return name;
 }
@@ -95,7 +95,7 @@ Response Me(Service& service, const Request& request, const Parameters&) {
 
 void AddKeyRoutes(RouteTable& table) {
   table.Add("GET /v1/keys", "keys.list", List)
-      .Summary("List API keys, oldest first, with the revoked ones but without the secrets")
+      .Summary("List all API keys without their secrets, oldest first; revoked keys are included")
       .Needs(Scope::kAdmin)
       .Answers(200, "all keys", "KeyList")
       .Example(R"(curl -H "Authorization: Bearer $ADMIN_KEY" "$PLIANT/v1/keys")");
@@ -112,7 +112,7 @@ void AddKeyRoutes(RouteTable& table) {
       .Example(R"(curl -H "Authorization: Bearer $ADMIN_KEY" -H "Content-Type: application/json" )"
                R"(-d '{"name": "front desk", "scope": "read"}' "$PLIANT/v1/keys")");
   table.Add("DELETE /v1/keys/{k}", "keys.revoke", Revoke)
-      .Summary("Revoke an API key, from the next request on")
+      .Summary("Revoke an API key; the server refuses it from the next request on")
       .Needs(Scope::kAdmin)
       .Answers(204, "revoked")
       .Codes({"key_not_found", "last_admin_key"})

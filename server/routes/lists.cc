@@ -22,7 +22,7 @@ std::vector<std::string> FacetsOf(const Parameters& parameters) {
   if (!text || text->empty()) return {};
   std::vector<std::string> keys = Split(*text + ',', ',');
   if (std::find(keys.begin(), keys.end(), "") != keys.end()) {
-    ThrowInvalid("facets", "facets has an empty key between its commas.");
+    ThrowInvalid("facets", "facets has an empty key. Remove the extra comma.");
   }
   return keys;
 }
@@ -69,8 +69,8 @@ Parameter FilterParameter() {
 
 Parameter TextParameter() {
   return {"q",
-          "only entries that contain all these words, in upper or lower case: in the id, object or "
-          "file name of an image, in the name of an object"};
+          "only entries that contain all these words, ignoring case: in an image's id, object or "
+          "file name, or in an object's name"};
 }
 
 Parameter OfObjectParameter() { return {"object", "only images of this object"}; }

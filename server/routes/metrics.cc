@@ -60,7 +60,7 @@ void StoreFigures::Read(const std::stop_token& stop) {
     try {
       stats = engine_.Stats();
     } catch (const std::exception& error) {
-      spdlog::warn("cannot read the figures of the database: {}", error.what());
+      spdlog::warn("cannot read the statistics of the database: {}", error.what());
     }
     lock.lock();
     if (stats) stats_ = std::move(stats);

@@ -84,7 +84,7 @@ Response Patch(Service& service, const Request& request, const Parameters& param
     throw ProblemError("missing_parameter", "object is required: the new name.")
         .Parameter("object");
   }
-  if (name->empty()) ThrowInvalid("object", "object must be text, and not empty.");
+  if (name->empty()) ThrowInvalid("object", "object must not be empty.");
   ObjectChange change;
   change.name = *name;
   change.merge = parameters.Flag("merge").value_or(false);

@@ -33,7 +33,7 @@ Bytes AsBytes(const std::string& text) {
 
 UploadedImage ImageOfBase64(const std::string& text, const std::string& name) {
   auto decoded = std::make_shared<std::vector<std::uint8_t>>();
-  if (!Base64Decode(text, decoded.get())) ThrowInvalid(name, name + " is not valid base64.");
+  if (!Base64Decode(text, decoded.get())) ThrowInvalid(name, name + " must be valid base64.");
   const Bytes bytes(*decoded);
   return {bytes, {}, std::move(decoded)};
 }
@@ -63,8 +63,8 @@ UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetc
                       Fetcher::For whom) {
   if (!HasImage(request, parameters)) {
     throw ProblemError("missing_parameter",
-                       "An image is required: as the body, as the form field 'image', or in a "
-                       "JSON body as base64 in 'image' or as a URL in 'image_url'.")
+                       "An image is required. Send it as the body or form field 'image', or as "
+                       "'image' (base64) or 'image_url' in JSON.")
         .Parameter(kImagePart);
   }
   if (const std::string* base64 = parameters.image_base64()) {
@@ -76,7 +76,7 @@ UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetc
   if (!request.is_multipart()) return {AsBytes(request.body), {}, {}};
   std::vector<UploadedImage> images = ImageParts(request);
   if (images.size() > 1) {
-    throw ProblemError("duplicate_parameter", "The form has more than one field 'image'.")
+    throw ProblemError("duplicate_parameter", "The form has several fields 'image'. Send one.")
         .Parameter(kImagePart);
   }
   return std::move(images.front());
@@ -91,8 +91,8 @@ Json MergePatchOf(const Request& request, const std::vector<std::string>& fields
   for (const auto& [name, value] : patch.items()) {
     if (fields.empty() || std::find(fields.begin(), fields.end(), name) != fields.end()) continue;
     throw ProblemError("unknown_parameter",
-                       fmt::format("You cannot change '{}' here, only: {}.", name.substr(0, 64),
-                                   fmt::join(fields, ", ")))
+                       fmt::format("'{}' cannot be changed. This route changes only: {}.",
+                                   name.substr(0, 64), fmt::join(fields, ", ")))
         .Parameter(name.substr(0, 64));
   }
   return patch;

@@ -42,13 +42,13 @@ struct SearchQuery {
 
 std::vector<Parameter> SearchParameters() {
   return {
-      {"image_id", "the query is this stored image"},
+      {"image_id", "use this stored image as the query"},
       Parameter("exclude_self", "with image_id: leave that image out of the hits")
           .Boolean()
           .Default("true"),
       Parameter("image_ids",
-                "the query is these stored images, at most 16: hits are similar to any of them, "
-                "first those similar to several; the images themselves are no hits")
+                "use these stored images as the query, at most 16: hits are similar to any of "
+                "them; hits similar to several come first; the images themselves are not hits")
           .JsonList(),
       Parameter("limit", "hits per page; 0: all").Integer(0, kLargestLimit).Default("10"),
       Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
@@ -61,12 +61,12 @@ std::vector<Parameter> SearchParameters() {
           .Choice({"neighbours", "histogram"})
           .Default("neighbours"),
       Parameter("verify",
-                "tps: the matches of the best hits must agree on one smooth warp; none: no "
-                "verification. By default tps, and none if rank is histogram")
+                "tps: verify that the matches of the best hits fit one smooth warp; none: no "
+                "verification. Default: tps, or none if rank is histogram")
           .Choice({"none", "tps"}),
       Parameter("verify_depth",
                 "number of candidates to verify. Default: adaptive, 30 to 100 or the square root "
-                "of the collection's size, while candidates agree; twice that if none agrees")
+                "of the collection's size, while candidates match; twice that if none matches")
           .Integer(1, kLargestDepth),
       Parameter("expand",
                 "query expansion: number of verified images to use as further queries, for views "
@@ -75,10 +75,10 @@ std::vector<Parameter> SearchParameters() {
       Parameter("instances", "maximum number of instances of one object in the photo")
           .Integer(1, kMostInstances)
           .Default("4"),
-      Parameter("closer_look",
-                "if nothing is found, search again with keypoints at high resolution and return "
-                "the better answer; takes three to four times as long; not with image_id or "
-                "image_ids")
+      Parameter(
+          "closer_look",
+          "if nothing is found, search again in a second pass at high resolution and return the "
+          "better answer; takes three to four times as long; not with image_id or image_ids")
           .Boolean()
           .Default("true"),
       Parameter("region",
@@ -95,11 +95,12 @@ Region RegionOf(const std::vector<double>& numbers) {
   const Region region{numbers[0], numbers[1], numbers[2], numbers[3]};
   for (const double number : numbers) {
     if (number < -kLargestCoordinate || number > kLargestCoordinate) {
-      ThrowInvalid("region", "region lies outside of any image.");
+      ThrowInvalid("region", "region must have coordinates of at most 1000000 pixels.");
     }
   }
   if (region.width <= 0 || region.height <= 0) {
-    ThrowInvalid("region", "region is x,y,width,height in pixels; width and height must be > 0.");
+    ThrowInvalid("region",
+                 "region must be x,y,width,height in pixels, with width and height above 0.");
   }
   return region;
 }
@@ -142,13 +143,13 @@ std::vector<std::string> ExamplesOf(const Parameters& parameters) {
   if (!list) return ids;
   if (list->empty() || list->size() > kMaxExamples) {
     ThrowInvalid("image_ids",
-                 "image_ids must be 1 to " + std::to_string(kMaxExamples) + " ids of images.");
+                 "image_ids must have 1 to " + std::to_string(kMaxExamples) + " image ids.");
   }
   for (const Json& id : *list) {
     if (!id.is_string()) ThrowInvalid("image_ids", "image_ids must be an array of text.");
     ids.push_back(id.get<std::string>());
     if (std::count(ids.begin(), ids.end(), ids.back()) > 1) {
-      ThrowInvalid("image_ids", "image_ids has an id twice.");
+      ThrowInvalid("image_ids", "image_ids must not contain an id twice.");
     }
   }
   return ids;
@@ -163,13 +164,13 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
   query.image_ids = ExamplesOf(parameters);
   const bool has_image = HasImage(request, parameters);
   if (query.image_id && has_image) {
-    ThrowInvalid("image_id", "image_id and an image exclude each other.");
+    ThrowInvalid("image_id", "image_id and an image cannot be combined.");
   }
   if (!query.image_ids.empty() && (query.image_id || has_image)) {
-    ThrowInvalid("image_ids", "image_ids excludes image_id and an image.");
+    ThrowInvalid("image_ids", "image_ids cannot be combined with image_id or an image.");
   }
   if (!query.image_ids.empty() && query.options.region) {
-    ThrowInvalid("region", "region needs one query image; image_ids names several.");
+    ThrowInvalid("region", "region cannot be combined with image_ids.");
   }
   if (query.image_id) {
     if (parameters.Flag("exclude_self").value_or(true)) query.options.without = {*query.image_id};
@@ -206,7 +207,7 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
                              "then search again."
                            : ", and the server cannot write to its database.");
   }
-  if (!job) throw NoVocabulary(" and no images. POST some to " + path + "/images.");
+  if (!job) throw NoVocabulary(" and no images. Add images: POST to " + path + "/images.");
   if (!service.jobs->WaitFor(job->id, kVocabularyWait)) {
     throw NoVocabulary(": the server is training the first vocabulary, see /v1/jobs/" + job->id +
                        ". Search again when the job is done.")
@@ -276,10 +277,10 @@ Response Search(Service& service, const Request& request, const Parameters& para
       service.fetcher, Fetcher::For::kRequest);
   if ((draws || previews) && !query.image_ids.empty()) {
     const std::string name = draws ? "draw" : "preview";
-    ThrowInvalid(name, name + " needs one query image; image_ids names several.");
+    ThrowInvalid(name, name + " cannot be combined with image_ids.");
   }
   if (draws && previews) {
-    ThrowInvalid("preview", "preview is part of a JSON answer; draw answers with an image.");
+    ThrowInvalid("preview", "preview and draw cannot be combined.");
   }
   const SearchResult result = SearchOnPool(service, query);
   if (draws) return Drawing(service, request, query, result);
@@ -322,7 +323,7 @@ Response SearchBatch(Service& service, const Request& request, const Parameters&
   const Json searches = parameters.JsonList("searches").value_or(Json::array());
   if (searches.empty() || searches.size() > kMostSearches) {
     ThrowInvalid("searches",
-                 "searches must be 1 to " + std::to_string(kMostSearches) + " searches.");
+                 "searches must have 1 to " + std::to_string(kMostSearches) + " searches.");
   }
   std::vector<Json> results(searches.size());
   ParallelFor(searches.size(), service.pool.cores(), [&](std::size_t i) {
@@ -339,8 +340,8 @@ Response SearchBatch(Service& service, const Request& request, const Parameters&
 void AddSearchRoutes(RouteTable& table) {
   std::vector<Parameter> parameters = SearchParameters();
   parameters.push_back(Parameter("draw",
-                                 "answer with the photo itself, with the outline and name of every "
-                                 "found object: a JPEG, or a PNG if Accept prefers it")
+                                 "return the photo with the outline and name of every found "
+                                 "object: a JPEG, or a PNG if Accept prefers it")
                            .Boolean()
                            .Default("false"));
   parameters.push_back(Parameter("preview",
@@ -349,7 +350,7 @@ void AddSearchRoutes(RouteTable& table) {
                            .Boolean()
                            .Default("false"));
   table.Add("POST /v1/collections/{c}/search", "search", Search)
-      .Summary("Which object is this?")
+      .Summary("Find the object that an image shows")
       .Body(BodyKind::kImageOrJson)
       .Takes(std::move(parameters))
       .Answers(200, "hits, best first", "SearchAnswer")
@@ -366,7 +367,7 @@ void AddSearchRoutes(RouteTable& table) {
                         "image_ids, image (base64) or image_url")
                   .JsonList()
                   .Required()})
-      .Answers(207, "one result for each search, in their order", "SearchBatchAnswer")
+      .Answers(207, "one result for each search, in the same order", "SearchBatchAnswer")
       .Example(R"(curl -H "Content-Type: application/json" )"
                R"(-d "{\"searches\": [{\"image_id\": \"$IMAGE\", \"limit\": 3}]}" )"
                R"("$PLIANT/v1/collections/default/search:batch")");

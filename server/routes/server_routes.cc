@@ -43,8 +43,8 @@ Response Ready(Service& service, const Request&, const Parameters&) {
   if (!service.ready()) {
     const double share = service.loaded();
     Problem problem =
-        ProblemError("starting", fmt::format("The index is still loading: {:.0f} % of the images.",
-                                             100 * share))
+        ProblemError("starting",
+                     fmt::format("The index is still loading: {:.0f} % done.", 100 * share))
             .problem();
     problem.progress = share;
     throw ProblemError(problem);

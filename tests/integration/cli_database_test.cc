@@ -140,7 +140,7 @@ TEST_F(CliTest, NoNameAPagePastTheEndAndARegionOutsideAreSaid) {
   };
   EXPECT_THAT(with("--offset", "50").out, HasSubstr("--offset is beyond the last of 2 hits"));
   EXPECT_THAT(with("--region", "5000,0,10,10").err,
-              HasSubstr("lies outside of the query image, which has 160 x 120 pixels"));
+              HasSubstr("lies outside the query image of 160 x 120 pixels"));
 }
 
 TEST_F(CliTest, StatisticsOfOneCollectionAndOfAll) {

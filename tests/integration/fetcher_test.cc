@@ -172,7 +172,7 @@ TEST_F(FetcherTest, RedirectionsAreCheckedAlike) {
   ExpectProblem(Options(), other_.url("/again/4"), "fetch_failed", "more than 3 times");
   Elsewhere secret([](const std::string&) { return Elsewhere::Ok("secret"); });
   ExpectProblem(Options(), other_.url("/to/" + secret.url("/")), "fetch_host_not_allowed",
-                "redirected to");
+                "redirects to");
   const std::string port = std::to_string(secret.port());
   FetchOptions options = Options();
   options.allow_private = false;
@@ -189,9 +189,9 @@ TEST_F(FetcherTest, RedirectionsAreCheckedAlike) {
   EXPECT_EQ(secret.connections(), 0);
   for (const std::string where : {"file:///etc/passwd", "ftp://127.0.0.1/", "//u:p@127.0.0.1/"}) {
     ExpectProblem(Options(), other_.url("/to/" + where), "fetch_failed",
-                  "redirected to an invalid address");
+                  "redirects to an invalid address");
   }
-  ExpectProblem(Options(), other_.url("/status/302"), "fetch_failed", "answered 302");
+  ExpectProblem(Options(), other_.url("/status/302"), "fetch_failed", "answered with status 302");
 }
 
 TEST_F(FetcherTest, OnlyWholeImagesOfAStatedSize) {
@@ -214,10 +214,10 @@ TEST_F(FetcherTest, OnlyWholeImagesOfAStatedSize) {
     ExpectProblem(Options(), other_.url(path), "fetch_failed", "larger than 1000 bytes");
   }
   for (const char* path : {"/short", "/none", "/noise", "/heads"}) {
-    ExpectProblem(Options(), other_.url(path), "fetch_failed", "no complete answer");
+    ExpectProblem(Options(), other_.url(path), "fetch_failed", "not send a complete answer");
   }
   EXPECT_EQ(Fetched(Options(), other_.url("/packed")), "\x1f\x8b packed") << "nothing is unpacked";
-  ExpectProblem(Options(), other_.url("/large404"), "fetch_failed", "answered 404");
+  ExpectProblem(Options(), other_.url("/large404"), "fetch_failed", "answered with status 404");
   for (const char* status : {"201", "204", "206", "304", "401", "404", "500", "503"}) {
     ExpectProblem(Options(), other_.url(std::string("/status/") + status), "fetch_failed",
                   std::string("answered ") + status);

@@ -239,7 +239,7 @@ TEST_F(AuthTest, NamesThatSeveralKeysHaveAreNotRevoked) {
   Create("write", "same");
   const ProgramResult refused = Keys({"revoke", "same"});
   EXPECT_EQ(refused.status, 1);
-  EXPECT_THAT(refused.err, HasSubstr("several keys"));
+  EXPECT_THAT(refused.err, HasSubstr("Several keys"));
   EXPECT_EQ(Keys({"revoke", first.substr(4, 8)}).status, 0);
   EXPECT_EQ(Keys({"revoke", "same"}).status, 0) << "one is left";
   EXPECT_EQ(Keys({"create", "--scope", "all", "--name", "x"}).status, 2);

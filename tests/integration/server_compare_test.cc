@@ -142,14 +142,14 @@ TEST_F(CompareTest, WrongImagesInJsonAreRefusedByTheirName) {
   refused({{"image_url", {"x"}}}, 400, "invalid_parameter", "second.image_url must be text");
   refused({{"image", "*"}}, 400, "invalid_parameter", "base64");
   refused({{"image", Base64Of("x")}, {"image_url", "http://a/"}}, 400, "invalid_parameter",
-          "exclude each other");
+          "cannot be combined");
   refused({{"image_url", "http://a/"}, {"path", "/etc/passwd"}}, 400, "invalid_parameter",
-          "no 'path'");
+          "Unknown key \"path\"");
   refused({{"image_url", "file:///etc/passwd"}}, 400, "invalid_parameter", "http");
   EXPECT_EQ(other_.connections(), 0);
-  refused(At("/gone.png"), 422, "fetch_failed", "answered 404");
+  refused(At("/gone.png"), 422, "fetch_failed", "answered with status 404");
   refused(At("/large.png"), 422, "fetch_failed", "larger than");
-  refused(At("/away.png"), 422, "fetch_host_not_allowed", "redirected");
+  refused(At("/away.png"), 422, "fetch_host_not_allowed", "redirects");
   refused({{"image_url", "http://evil.test/"}}, 422, "fetch_host_not_allowed");
   Refused(kCompare, {{"first", good}, {"second", At("/page.html")}}, 415, "image_type_unknown", "");
   Refused(kCompare, {{"first", good}, {"second", At("/broken.png")}}, 422, "image_truncated", "");

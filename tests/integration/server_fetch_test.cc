@@ -114,10 +114,10 @@ TEST_F(FetchTest, ImportsFetchEachLine) {
 TEST_F(FetchTest, RefusesWhatIsWrong) {
   StartFetching({"--fetch-private", "true", "--max-body-mb", "1", "--fetch-timeout", "2"});
   const auto url = [&](const std::string& path) { return Json{{"image_url", other_.url(path)}}; };
-  Refused(kImages, url("/gone.png"), 422, "fetch_failed", "image_url", "answered 404");
+  Refused(kImages, url("/gone.png"), 422, "fetch_failed", "image_url", "answered with status 404");
   Refused(kImages, url("/large.png"), 422, "fetch_failed", "image_url", "larger than 1 MiB");
   Refused(kImages, url("/drip.png"), 422, "fetch_failed", "image_url", "longer than 2 s");
-  Refused(kImages, url("/away.png"), 422, "fetch_host_not_allowed", "image_url", "redirected");
+  Refused(kImages, url("/away.png"), 422, "fetch_host_not_allowed", "image_url", "redirects");
   Refused(kImages, url("/page.html"), 415, "image_type_unknown", "");
   Refused(kImages, url("/empty.png"), 422, "image_empty", "");
   Refused(kImages, {{"image_url", "http://evil.test/"}}, 422, "fetch_host_not_allowed",
@@ -128,10 +128,10 @@ TEST_F(FetchTest, RefusesWhatIsWrong) {
   }
   Json both = url("/1.png");
   both["image"] = Base64Of(TestImage(1));
-  Refused(kImages, both, 400, "invalid_parameter", "image_url", "exclude each other");
+  Refused(kImages, both, 400, "invalid_parameter", "image_url", "cannot be combined");
   Json stored = url("/1.png");
   stored["image_id"] = "x";
-  Refused(kSearch, stored, 400, "invalid_parameter", "image_id", "exclude each other");
+  Refused(kSearch, stored, 400, "invalid_parameter", "image_id", "cannot be combined");
   Refused(kImages, {{"image_url", nullptr}}, 400, "missing_parameter", "image");
   const auto query = client_->Post(std::string(kImages) + "?image_url=http://a/", "{}", kJson);
   EXPECT_EQ(query->status, 400) << "it stands in the body alone";

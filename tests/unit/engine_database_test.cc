@@ -77,7 +77,7 @@ TEST_F(EngineTest, AFailureAfterACommitIsLoggedAndStopsWriting) {
   EXPECT_EQ(Add(engine, RandomPng(9), "x", "spoilt").outcome, AddOutcome::kCreated)
       << "it is durable, and reported so";
   ASSERT_EQ(failures.size(), 1U);
-  EXPECT_THAT(failures[0], HasSubstr("the index cannot follow what was written: "));
+  EXPECT_THAT(failures[0], HasSubstr("the index cannot load the latest changes: "));
   ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { Add(engine, RandomPng(10), "x"); });
   ExpectError(ErrorCode::kInternal, "writing_stopped", [&] { engine.Remove("default", "p1"); });
   EXPECT_EQ(failures.size(), 2U);

@@ -75,7 +75,7 @@ class EngineEnoughTest : public EngineTest {
   }
 
   static bool IsLookedAt(const Hit& hit) {
-    return hit.explanation.value().failure.find("not looked at") == std::string::npos;
+    return hit.explanation.value().failure.find("was not verified") == std::string::npos;
   }
   // How many images the search has verified.
   std::size_t LookedAt(std::size_t depth) {

@@ -246,7 +246,7 @@ TEST_P(EngineVerifyTest, EveryHitIsExplained) {
   for (const Hit& hit : engine_.Search(image, options).hits) {
     EXPECT_FALSE(hit.explanation->verified);
     EXPECT_EQ(hit.explanation->ranking_score, hit.score);
-    EXPECT_EQ(hit.explanation->failure, "The search does not verify.");
+    EXPECT_EQ(hit.explanation->failure, "This search does not use verification.");
   }
 }
 

@@ -208,19 +208,19 @@ TEST(Filter, WhatIsNoFilterIsNamed) {
   refused(R"({"a": {"in": [[3]]}})", "\"in\" must list");
   refused(R"({"a": {"gt": true}})", "number or text");
   refused(R"({"a": {"gt": [1]}})", "number or text");
-  refused(R"({"a": {"gt": 1, "gte": 2}})", "two bounds");
+  refused(R"({"a": {"gt": 1, "gte": 2}})", "one lower bound");
   refused(R"({"a": {"in": [[[[1]]]]}})", "\"in\" must list");
   refused(R"({"a": )" + std::string(30, '[') + std::string(30, ']') + "}", "deep");
   refused(R"({"a": {"ne": [1]}})", "filter.a: \"ne\"");
   refused(R"({"a": {"exists": 1}})", "filter.a: \"exists\"");
-  refused(R"({"a": {"exists": false, "ne": 1}})", "passes no other test");
+  refused(R"({"a": {"exists": false, "ne": 1}})", "cannot be combined");
   refused(R"({"and": {"a": 1}})", "filter.and: must be a list");
-  refused(R"({"or": []})", "filter.or: has no filter");
-  refused(R"({"and": []})", "filter.and: has no filter");
+  refused(R"({"or": []})", "filter.or: must have at least one");
+  refused(R"({"and": []})", "filter.and: must have at least one");
   refused(R"({"or": "x"})", "filter.or: must be a list");
   refused(R"({"not": 3})", "filter.not: must be a JSON object");
-  refused(R"({"not": {}})", "filter.not: is empty");
-  refused(R"({"or": [{"a": 1}, {}]})", "filter.or[1]: is empty");
+  refused(R"({"not": {}})", "filter.not: must not be empty");
+  refused(R"({"or": [{"a": 1}, {}]})", "filter.or[1]: must not be empty");
   refused(R"({"or": [{"a": 1}, 7]})", "filter.or[1]: must be a JSON object");
   refused(R"({"a": 1, "or": [{"a": 1}, {"not": {"year": {"in": 3}}}]})",
           "filter.or[1].not.year: \"in\" must be a list");
@@ -231,7 +231,7 @@ TEST(Filter, WhatIsNoFilterIsNamed) {
   refused(R"({"a": )" + std::string(3000, '1') + "}", "JSON object");  // no finite number
   std::string many = R"({"a": {"in": [0)";
   for (std::size_t i = 0; i < kMaxFilterValues; ++i) many += ",1";
-  refused(many + "]}}", "more than 1000");
+  refused(many + "]}}", "at most 1000");
   Filter filter;
   filter.conditions.push_back({.key = "a", .from = FilterBound{std::nan(""), true}});
   ExpectError(ErrorCode::kInvalidArgument, "filter_invalid", [&] { CheckFilter(filter); });

@@ -40,7 +40,7 @@ TEST(Json, RefusesObjectsOfManyNames) {
   EXPECT_EQ(ParseJsonObject(with(kMaxJsonNames), "it")["a"][0].size(), kMaxJsonNames);
   const Problem problem = ProblemOf([&] { ParseJsonObject(with(kMaxJsonNames + 1), "it"); });
   EXPECT_EQ(problem.code, "invalid_json");
-  EXPECT_EQ(problem.detail, "it has more than 1000 names in one object.");
+  EXPECT_EQ(problem.detail, "it has more than 1000 keys in one object.");
   // More than a minute where each name is looked up among those before it.
   EXPECT_EQ(ProblemOf([&] { ParseJsonObject(with(1'000'000), "it"); }).code, "invalid_json");
 }

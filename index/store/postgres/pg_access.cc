@@ -178,9 +178,9 @@ class PgAccess : public Access {
 };
 
 [[noreturn]] void ThrowNotThere(const Address& address) {
-  throw Error(
-      ErrorCode::kNotFound, "database_not_found",
-      "the database " + address.shown + " has no tables of Pliant; `pliant db init` makes them");
+  throw Error(ErrorCode::kNotFound, "database_not_found",
+              "the database " + address.shown +
+                  " has no tables of Pliant; create them with `pliant db init`");
 }
 
 bool HasTables(Connection& db) {

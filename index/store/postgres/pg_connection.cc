@@ -259,7 +259,7 @@ Address ParseAddress(const std::string& url) {
   const std::string detail = Detail(PQresultErrorField(result, PG_DIAG_MESSAGE_PRIMARY));
   if (state == "53100") {
     throw Error(ErrorCode::kNoSpace, "disk_full",
-                "no space is left for " + name + "; free some and run again" + detail);
+                "no space is left for " + name + "; free some space and run again" + detail);
   }
   if (state == "55P03") {  // lock_timeout
     throw Error(ErrorCode::kUnavailable, "database_busy",
@@ -271,18 +271,19 @@ Address ParseAddress(const std::string& url) {
   }
   if (state == "25006") {
     throw Error(ErrorCode::kUnavailable, "database_unavailable",
-                name + " takes no writes at the moment: the server is a standby" + detail);
+                name + " does not accept writes: the server is a standby" + detail);
   }
   if (state == "3F000") {
     throw Error(ErrorCode::kNotFound, "database_not_found",
-                name + " has no schema of the name in search_path; create it" + detail);
+                name + " has no schema of the name in search_path; create the schema" + detail);
   }
   if (state == "42501") {
     throw Error(ErrorCode::kReadOnly, "read_only",
-                "this user may not do that on " + name + "; grant the right" + detail);
+                "this user lacks a right on " + name + "; grant it" + detail);
   }
   if (state == "54000" || state == "22001") {
-    throw Error(ErrorCode::kTooLarge, "value_too_large", "too large for " + name + detail);
+    throw Error(ErrorCode::kTooLarge, "value_too_large",
+                "a value is too large for " + name + detail);
   }
   if (state == "XX001" || state == "XX002") {
     throw Error(ErrorCode::kCorrupt, "database_corrupt",
@@ -294,7 +295,7 @@ Address ParseAddress(const std::string& url) {
     throw Error(ErrorCode::kUnavailable, "database_unavailable",
                 name + " is not available; try again later" + detail);
   }
-  throw Error(ErrorCode::kInternal, "database_error", "an unexpected error of " + name + detail);
+  throw Error(ErrorCode::kInternal, "database_error", "an unexpected error in " + name + detail);
 }
 
 [[noreturn]] void ThrowNotConnected(PGconn* connection, const std::string& database) {
@@ -325,7 +326,7 @@ Address ParseAddress(const std::string& url) {
 [[noreturn]] void ThrowOutcomeUnknown(const std::string& database) {
   throw Error(ErrorCode::kUnavailable, "database_outcome_unknown",
               "the connection to " + database +
-                  " ended before it said whether the change was made; send the same request again");
+                  " was lost before the outcome of the change was known; check before retrying");
 }
 
 std::int64_t SteadyMs() {

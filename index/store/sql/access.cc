@@ -66,7 +66,7 @@ void WriteQueue::Execute() noexcept {
 
 void WriteQueue::CatchUp() {
   constexpr const char* kStopped =
-      "writing has stopped, as the index cannot follow what was written before";
+      "writing has stopped: the index cannot load the previous changes";
   try {
     after_commit_();
   } catch (const std::exception& error) {

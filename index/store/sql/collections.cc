@@ -187,7 +187,8 @@ bool Writer::RemoveCollection(const std::string& name) {
         if (collection->name != name) {
           throw Error(ErrorCode::kConflict, "collection_is_alias",
                       "\"" + Shown(name) + "\" is an alias of the collection \"" +
-                          Shown(collection->name) + "\"; remove the alias, or name the collection");
+                          Shown(collection->name) +
+                          "\". Delete the alias, or use the collection's own name.");
         }
         db.Prepare("DELETE FROM collections WHERE key = ?").Bind(collection->key).Run();
       },
@@ -218,18 +219,18 @@ void Writer::ChangeAliases(const AliasChanges& changes) {
       if (!collection) {
         if (db.Prepare("DELETE FROM aliases WHERE name = ?").Bind(name).Run() > 0) continue;
         throw Error(ErrorCode::kNotFound, "alias_not_found",
-                    "There is no alias \"" + Shown(name) + "\".");
+                    "No alias has the name \"" + Shown(name) + "\".");
       }
       const auto named = FindCollection(db, name);
       if (named && named->name == name) {
         throw Error(ErrorCode::kConflict, "collection_exists",
-                    "\"" + Shown(name) + "\" is a collection and cannot be an alias, too");
+                    "\"" + Shown(name) + "\" is a collection. Choose another alias.");
       }
       const auto target = FindCollection(db, *collection);
       if (!target || target->name != *collection) {  // an alias of an alias would move with it
         throw Error(ErrorCode::kNotFound, "collection_not_found",
-                    "there is no collection \"" + Shown(*collection) + "\"" +
-                        (target ? ": that is an alias of \"" + Shown(target->name) + "\"" : ""));
+                    "No collection has the name \"" + Shown(*collection) + "\"." +
+                        (target ? " It is an alias of \"" + Shown(target->name) + "\"." : ""));
       }
       db.Prepare(
             "INSERT INTO aliases (name, collection, updated_ms) VALUES (?, ?, ?) ON CONFLICT "

@@ -154,11 +154,11 @@ bool OtherMetadata(const ImageRecord& stored, const AddRequest& request) {
   const bool other_object = OtherObject(stored, request);
   const std::string difference = other_object
                                      ? "of object \"" + ToDisplayText(stored.object) +
-                                           "\", not of \"" + ToDisplayText(request.object) + "\""
+                                           "\", not \"" + ToDisplayText(request.object) + "\""
                                      : "with other metadata";
   throw Error(ErrorCode::kConflict, "same_bytes",
-              "the same bytes are stored as image \"" + ToDisplayText(stored.id) + "\" " +
-                  difference + "; give that id to change it, or another to store them twice");
+              "The same bytes are stored as image \"" + ToDisplayText(stored.id) + "\" " +
+                  difference + ". Use that id to change it, or another to store a copy.");
 }
 
 std::optional<ImageRecord> FindMeant(const std::vector<ImageRecord>& same_bytes,

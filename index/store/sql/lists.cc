@@ -42,8 +42,7 @@ std::optional<ListPlace> ReadPlace(bool is_text, const std::string& text) {
   const bool fits = json.is_array() && json.size() == 2 && json[1].is_string() &&
                     (is_text ? json[0].is_string() : json[0].is_number_integer());
   if (!fits) {
-    throw Error(ErrorCode::kInvalidArgument, "after_invalid",
-                "the place to go on at is none of this list");
+    throw Error(ErrorCode::kInvalidArgument, "after_invalid", "invalid position for this list");
   }
   ListPlace place;
   place.tie = json[1].get<std::string>();

@@ -238,13 +238,11 @@ void Originals::RequireNotForeign(Connection& db) {
     owner.reset();
   }
   if (owner && *owner != self_) {
-    throw Error(
-        ErrorCode::kConflict, "originals_foreign",
-        "the directory " + DisplayPath(store_->directory()) +
-            " holds the originals of the database " + owner->database +
-            ", which would be lost to it; name another directory. If that database is gone, "
-            "or is this one and was moved, remove the file pliant-originals in the "
-            "directory first");
+    throw Error(ErrorCode::kConflict, "originals_foreign",
+                "the directory " + DisplayPath(store_->directory()) +
+                    " contains the originals of the database " + owner->database +
+                    "; use another directory. If that database no longer exists, or this database "
+                    "was moved, first remove the file pliant-originals in the directory");
   }
 }
 
@@ -324,7 +322,7 @@ std::vector<std::uint8_t> OriginalsKeeper::Read(const std::string& collection,
     }
     if (!store) {
       throw Error(ErrorCode::kNotFound, "content_not_kept",
-                  "the uploaded bytes of \"" + Shown(id) + "\" were not kept");
+                  "The uploaded bytes of \"" + Shown(id) + "\" were not stored.");
     }
     if (auto file = store->Read(record.sha256, record.bytes)) return *std::move(file);
     directory = store->directory().string();

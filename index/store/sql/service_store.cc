@@ -105,8 +105,8 @@ bool ServiceStore::RevokeKey(const std::string& id_or_name) {
     Cursor by_id = db.Prepare("SELECT 1 FROM api_keys WHERE revoked_ms IS NULL AND id = ?");
     if (!by_id.Bind(id_or_name).Next() && row.Next()) {
       throw Error(ErrorCode::kConflict, "key_ambiguous",
-                  "several keys are called \"" + Shown(id_or_name) +
-                      "\"; name the id of the one to revoke");
+                  "Several keys have the name \"" + Shown(id_or_name) +
+                      "\". Give the id of the key to revoke.");
     }
     db.Prepare("UPDATE api_keys SET revoked_ms = ? WHERE key = ?").Bind(NowMs(), key).Run();
     revoked = true;

@@ -227,7 +227,7 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
     const Key key = FindObject(db, in, object);
     if (key == 0) {
       throw Error(ErrorCode::kNotFound, "object_not_found",
-                  "there is no image of an object \"" + Shown(object) + "\"");
+                  "No image shows the object \"" + Shown(object) + "\".");
     }
     changed = {object, CountImagesOf(db, key)};
     if (change.check) CheckObjectNow(db, in, changed, change.check);
@@ -241,9 +241,9 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
     const std::uint64_t there = CountImagesOf(db, taken);
     if (!change.merge) {
       throw Error(ErrorCode::kConflict, "object_exists",
-                  "there is an object \"" + Shown(change.name) + "\" already, of " +
+                  "The object \"" + Shown(change.name) + "\" already exists with " +
                       std::to_string(there) + (there == 1 ? " image" : " images") +
-                      "; merge=true makes one object of the two");
+                      ". Use merge=true to merge the two.");
     }
     Merge(access_, db, in, key, taken, change.name);
     changed.images += there;

@@ -134,8 +134,8 @@ void SqliteAccess::CheckInPlace() const {
   if (FileAt(path_) == file_) return;
   throw Error(ErrorCode::kCorrupt, "database_moved",
               "the database " + name_ +
-                  " was removed, renamed or replaced while it was in use; nothing more is written. "
-                  "Stop the program, put the right file there, and start it again");
+                  " was removed, renamed or replaced while in use; the program stops writing. Stop "
+                  "it, restore the file, and start it again");
 }
 
 void SqliteAccess::RequireSpace(std::uint64_t bytes, const fs::path& directory) const {
@@ -146,8 +146,8 @@ void SqliteAccess::RequireSpace(std::uint64_t bytes, const fs::path& directory) 
   throw Error(ErrorCode::kNoSpace, "no_space",
               "only " + FormatBytes(space.available) + " are free on the disk of " +
                   DisplayPath(where) + ", and " + FormatBytes(reserve_bytes_) +
-                  " are kept for removing images; nothing was stored. Remove images, or "
-                  "give it more space");
+                  " are reserved for removing images; nothing was stored. Remove images, or free "
+                  "some space");
 }
 
 // Freed pages go back to the file system, and the log, which still holds what was deleted, is

@@ -219,7 +219,7 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
                   name + " is being written by another process; try again later" + detail);
     case SQLITE_FULL:
       throw Error(ErrorCode::kNoSpace, "disk_full",
-                  "no space is left for " + name + "; free some and run again" + detail);
+                  "no space is left for " + name + "; free some space and run again" + detail);
     case SQLITE_READONLY:
     case SQLITE_PERM:
       throw Error(ErrorCode::kReadOnly, "read_only",
@@ -236,7 +236,8 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
       throw Error(ErrorCode::kUnavailable, "out_of_memory",
                   "not enough memory to work on " + name + detail);
     case SQLITE_TOOBIG:
-      throw Error(ErrorCode::kTooLarge, "value_too_large", "too large for " + name + detail);
+      throw Error(ErrorCode::kTooLarge, "value_too_large",
+                  "a value is too large for " + name + detail);
     case SQLITE_IOERR:
       if (extended == SQLITE_IOERR_WRITE || extended == SQLITE_IOERR_FSYNC ||
           extended == SQLITE_IOERR_SHMSIZE || extended == SQLITE_IOERR_TRUNCATE) {
@@ -248,7 +249,7 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
                   "reading or writing " + name + " failed" + detail);
     default:
       throw Error(ErrorCode::kInternal, "database_error",
-                  "an unexpected error of " + name + detail);
+                  "an unexpected error in " + name + detail);
   }
 }
 

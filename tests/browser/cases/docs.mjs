@@ -20,7 +20,7 @@ test("every operation is there, by tag, with its parameters, answers and an exam
     await page.locator(`[id="${operationId}"]`).waitFor();
   }
   await page.locator("#search > summary").click();
-  for (const words of [/Which object is this\?/, /group_by/, /1000/, /no_vocabulary/, /took_ms/, /curl -F image=@mug\.png/]) {
+  for (const words of [/Find the object that an image shows/, /group_by/, /1000/, /no_vocabulary/, /took_ms/, /curl -F image=@mug\.png/]) {
     await house.waitForText(page, "#search", words);
   }
   assert.match(page.url(), /#search$/);
