@@ -53,7 +53,7 @@ SafetensorsHeader ReadSafetensorsHeader(const std::filesystem::path& path);
 std::vector<Tensor> ReadSafetensors(const std::filesystem::path& path);
 
 // Replaces the file in one step (see ReplaceFile), the tensors' data in the order given: the widest
-// types first keep all of them aligned. What is no UTF-8 in a name or in the metadata becomes
+// types first keep all of them aligned. Invalid UTF-8 in a name or in the metadata is replaced by
 // U+FFFD. Returns the system's error, as ReplaceFile does.
 [[nodiscard]] std::error_code WriteSafetensors(const std::filesystem::path& path,
                                                const std::vector<Tensor>& tensors,

@@ -46,7 +46,7 @@ struct PrintPlace {
 struct PrintOptions {
   Ink cloth = Ink::Ones();
   float opacity = 1.0F;  // of the ink
-  float fading = 0.0F;   // worn places, 0..1
+  float fading = 0.0F;   // worn spots, 0..1
 };
 
 // The drawing on a cloth of width x height pixels that covers the whole chart.

@@ -13,7 +13,7 @@ namespace pliant::server {
 
 // Whether the server can connect to a network address when a client names a host.
 enum class AddressKind {
-  kPublic,   // anybody's, on the Internet
+  kPublic,   // a public address
   kPrivate,  // of this machine, or of a network of its own: an operator can allow it
   kNever,    // no host's (multicast, unspecified, reserved), a network's own business (link-local,
              // where clouds keep their secrets), or leading elsewhere (6to4, Teredo)

@@ -20,7 +20,7 @@ namespace pliant::server {
 
 class BodyFile;
 
-// What a caller can do; each includes those before it.
+// Scope of a caller; each includes those before it.
 enum class Scope { kPublic, kRead, kWrite, kAdmin };
 
 // "public", "read", "write", "admin"
@@ -36,8 +36,8 @@ struct Caller {
   Scope scope = Scope::kPublic;
 };
 
-// Where a long body of a request goes, piece by piece, so that it is never in memory as a whole.
-// Used by one thread at a time. A sink that is destroyed before the body was complete, because the
+// Receives a long body of a request piece by piece, so that it is never completely in memory. Used
+// by one thread at a time. A sink that is destroyed before the body was complete, because the
 // client left or the body was refused, leaves nothing behind.
 class BodySink {
  public:
