@@ -47,13 +47,13 @@ class EngineCore {
   void FollowLimits(const ExtractionLimits& stored, ExtractionOptions& extraction) const;
   // The same, after storing values that the database does not have yet. Called before the first
   // image is described. A read-only engine stores nothing.
-  void SettleLimits(ExtractionOptions& extraction);
+  void StoreLimits(ExtractionOptions& extraction);
   void Follow();  // after a commit; reports a failure to options_.warn, and throws it
 
   EngineOptions options_;
   std::mutex extractors_mutex_;  // guards the making of extractors_
   std::unique_ptr<const Extractors> extractors_;
-  bool limits_settled_ = false;  // also guarded by it, after the constructor
+  bool limits_stored_ = false;  // also guarded by it, after the constructor
   std::unique_ptr<Store> store_;
   std::unique_ptr<MemoryRanker> ranker_;  // follows store_; destroyed before it
   std::jthread follower_;                 // last: it uses the ranker

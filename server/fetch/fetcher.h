@@ -90,13 +90,13 @@ class Fetcher {
   void Stop();
 
  private:
-  class Places;
+  class Slots;
 
   void RequireAllowed(const WebAddress& address, const char* what) const;
 
   const FetchOptions options_;
   const FetchHosts hosts_;
-  const std::shared_ptr<Places> places_;
+  const std::shared_ptr<Slots> slots_;
 };
 
 }  // namespace pliant::server

@@ -15,8 +15,8 @@ namespace pliant::server {
 enum class AddressKind {
   kPublic,   // a public address
   kPrivate,  // of this machine, or of a network of its own: an operator can allow it
-  kNever,    // no host's (multicast, unspecified, reserved), a network's own business (link-local,
-             // where clouds keep their secrets), or leading elsewhere (6to4, Teredo)
+  kNever,    // no host (multicast, unspecified, reserved), link-local (where clouds keep their
+             // secrets), or a tunnel (6to4, Teredo)
 };
 
 // By the registries of special addresses (RFC 6890 with its updates). An IPv4 address inside an

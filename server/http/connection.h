@@ -86,7 +86,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     kServing,  // by a worker
     kWaiting,  // for an event
     kSending,
-    kLingering,  // the last answer was sent: what the client still sends is dropped
+    kDiscarding,  // the last answer was sent: what the client still sends is dropped
     kClosed
   };
 
@@ -105,7 +105,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool Refuse(const ProblemError& error);
   bool SendAnswer();
   bool Send();
-  bool Linger();
+  bool DiscardRest();
   bool Receive();  // into reader_; false: waits, or closed
   bool Await();    // what the socket waits for; false
   bool End();      // closes; false

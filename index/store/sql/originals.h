@@ -33,7 +33,7 @@ class Originals {
             const std::optional<std::filesystem::path>& directory);
 
   // Whether new originals already go to `directory`, so that Claim has no work.
-  bool Settled(Connection& db, const std::optional<std::filesystem::path>& directory) const;
+  bool HasClaimed(Connection& db, const std::optional<std::filesystem::path>& directory) const;
   // Makes `directory` (absent: the recorded one; empty: the database itself) the location of new
   // originals, in the transaction of `db`. Throws kConflict "originals_foreign" for another
   // database's directory, kNotFound "originals_missing" if files of images are missing in it, and
