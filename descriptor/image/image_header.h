@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Image files, format by format: first what the structure says (size, completeness, cost of
-// decoding), because a file of a few kilobytes can claim gigabytes; then the pixels, by the library
-// of the format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
+// Image files, format by format. First the structure (size, completeness, cost of decoding),
+// because a file of a few kilobytes can declare gigabytes. Then the pixels, by the library of the
+// format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
 // Internal to the descriptor library; callers use image.h.
 #pragma once
 

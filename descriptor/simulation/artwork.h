@@ -31,7 +31,7 @@ Artwork DrawArtwork(Random& random, const Texture* image);
 // A plausible colour of cloth: white, black, grey or dyed.
 Ink DrawClothColour(Random& random);
 
-// How well the drawing is told from a cloth of this colour: mean difference where there is ink.
+// Contrast of the drawing on cloth of this colour: mean difference over the ink.
 float Contrast(const Artwork& artwork, const Ink& cloth);
 
 // How much brighter the inks are than a cloth of this colour, mean; negative: darker.

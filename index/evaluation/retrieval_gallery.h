@@ -65,7 +65,7 @@ struct NamedAnswer {
 
 // Of the images whose object is absent.
 struct AbsentAnswers {
-  std::size_t asked = 0;   // without those that were refused
+  std::size_t asked = 0;   // without refused queries
   std::size_t alarms = 0;  // queries with a hit that counts as found
 };
 

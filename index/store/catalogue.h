@@ -108,7 +108,7 @@ class Catalogue {
   // "original_missing", "original_corrupt".
   std::vector<std::uint8_t> ReadContent(const std::string& collection, const std::string& id);
 
-  // Vocabularies: those that are ready, oldest first.
+  // Vocabularies: only ready ones, oldest first.
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
   std::optional<VocabularyRecord> FindVocabulary(const std::string& collection, Key vocabulary);
   std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary);

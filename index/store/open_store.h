@@ -27,7 +27,7 @@ struct StoreOptions {
 std::unique_ptr<Store> OpenStore(const StoreOptions& options);
 
 // The database must exist. Throws kNotFound "database_not_found" and what OpenStore throws for
-// files that are no database.
+// files of other kinds.
 std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& database);
 
 // Makes the tables of a database on a server, if they are not there: a URL (database_url.h). Throws

@@ -55,7 +55,7 @@ struct FetchedImage {
   std::shared_ptr<void> place = {};
 };
 
-// Thread-safe. What it returns may outlive it.
+// Thread-safe. Its results can outlive it.
 class Fetcher {
  public:
   static constexpr int kMostRedirections = 3;

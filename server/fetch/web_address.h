@@ -20,8 +20,8 @@ enum class AddressKind {
 };
 
 // By the registries of special addresses (RFC 6890 with its updates). An IPv4 address inside an
-// IPv6 one (mapped, or NAT64's) is what the IPv4 address is; a private one behind NAT64 is kNever.
-// Other families are kNever.
+// IPv6 one (mapped, or NAT64's) has the class of the IPv4 address; a private one behind NAT64 is
+// kNever. Other families are kNever.
 AddressKind KindOf(const sockaddr* address);
 
 // A host as it is compared: in lower case, and an IPv6 address, which is in brackets, in its

@@ -86,7 +86,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     kServing,  // by a worker
     kWaiting,  // for an event
     kSending,
-    kDiscarding,  // the last answer was sent: what the client still sends is dropped
+    kDiscarding,  // the last answer was sent: further bytes of the client are dropped
     kClosed
   };
 
@@ -107,7 +107,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool Send();
   bool DiscardRest();
   bool Receive();  // into reader_; false: waits, or closed
-  bool Await();    // what the socket waits for; false
+  bool Await();    // waits for the socket; returns false
   bool End();      // closes; false
   bool Refill();   // answer_.text with the next piece
 

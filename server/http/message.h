@@ -46,7 +46,7 @@ class BodySink {
   BodySink(const BodySink&) = delete;
   BodySink& operator=(const BodySink&) = delete;
 
-  // Called by the thread that polls all connections: must not take long. What it throws is the
+  // Called by the thread that polls all connections: must not take long. Its exception is the
   // request's answer, and the rest of the body is not read.
   virtual void Append(std::string_view bytes) = 0;
   // The complete body, if the sink can show it as a whole; valid as long as the sink.
@@ -89,7 +89,7 @@ struct Request {
   std::multimap<std::string, std::string> query;
   HeaderFields headers;
   std::string remote_address;
-  Caller caller;  // of a public route: nobody
+  Caller caller;  // empty for a public route
 
   std::string content_type;  // media type of the body in lower case, without parameters
   std::string body;          // empty when multipart

@@ -91,7 +91,7 @@ class JobStore {
   JobStore& operator=(const JobStore&) = delete;
 
   // Throws ProblemError "busy" when too many jobs of this server wait. The database keeps `input`,
-  // what the job works on, until the job ends.
+  // the data of the job, until the job ends.
   JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters,
                 const std::optional<std::span<const std::uint8_t>>& input = {});
   // Nothing if a job of that kind in that collection has not ended, here or at another server.
@@ -141,7 +141,7 @@ class JobStore {
   bool Save(const OwnJobPtr& job, const JobStatus& status);
   // Writes the state, then shows it, also if it could not be written; JobWatcher writes it later.
   void Update(const OwnJobPtr& job, JobStatus status);
-  void SaveEnds();                        // those that could not be written
+  void SaveEnds();                        // the ends that could not be written
   void CancelOwn(const std::string& id);  // no effect on jobs of other servers
   JobWaiters& waiters() const { return *waiters_; }
   void Stop();  // asks all jobs to end

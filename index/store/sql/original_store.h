@@ -80,8 +80,8 @@ class OriginalStore {
   // can have failed to.
   void Secure(const std::string& sha256) const;
 
-  // nullopt = there is no such file. Throws kCorrupt "original_corrupt" when it cannot be read, is
-  // larger than `size` bytes, or does not have the hash.
+  // nullopt = no such file. Throws kCorrupt "original_corrupt" when it cannot be read, is larger
+  // than `size` bytes, or does not have the hash.
   std::optional<std::vector<std::uint8_t>> Read(const std::string& sha256,
                                                 std::uint64_t size) const;
 
