@@ -37,7 +37,7 @@ struct NearCode {
   float squared_distance = 0;  // Hamming distance for binary descriptors
 };
 
-// What is asked of a list.
+// The query to a list.
 struct CodeQuery {
   const LookupTable* table = nullptr;  // floats
   float base = 0;                      // |q - w|^2 for the list's word w
@@ -46,7 +46,7 @@ struct CodeQuery {
   float limit = 0;                     // only distances below it
 };
 
-// Asks for the beginning of a list from memory, so that a scan soon afterwards need not wait.
+// Prefetches the beginning of a list, so that a scan soon afterwards does not wait.
 void Prefetch(const CodeList& list);
 
 // Writes those codes of the list that are nearer than query.limit to `near`, which has room for

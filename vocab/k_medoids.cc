@@ -223,7 +223,7 @@ class FasterPam {
   }
 
   // removal_loss_: when a medoid goes, its samples move to their second nearest, and no others move
-  // (the paper's Delta TD^-). Sums anew instead of adding changes up, so that no rounding error
+  // (the paper's Delta TD^-). Sums again instead of adding changes, so that no rounding error
   // gathers over the swaps.
   void UpdateSums() {
     std::fill(removal_loss_.begin(), removal_loss_.end(), 0.0);

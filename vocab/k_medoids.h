@@ -3,10 +3,10 @@
 // k-medoids clustering: FasterPAM.
 //
 // E. Schubert and P. J. Rousseeuw, "Fast and eager k-medoids clustering: O(k) runtime improvement
-// of the PAM, CLARA, and CLARANS algorithms", Information Systems 101, 2021. Seeded like
-// k-means++ with chances proportional to the distance, O(k n); then each pass over the n candidates
-// costs O(n (n + k)) where PAM's costs O(k n^2), and a swap O(n + k times the samples it takes the
-// medoid from). Memory: the n x n distance matrix in float32 where it fits, else O(256 n).
+// of the PAM, CLARA, and CLARANS algorithms", Information Systems 101, 2021. Seeded like k-means++
+// with chances proportional to the distance, O(k n); then each pass over the n candidates costs O(n
+// (n + k)) where PAM's costs O(k n^2), and a swap O(n + k times the samples that lose their
+// medoid). Memory: the n x n distance matrix in float32 if it fits, otherwise O(256 n).
 #pragma once
 
 #include <cstdint>
@@ -23,8 +23,8 @@ struct KMedoidsOptions {
   std::uint64_t seed = 1;  // same seed, same result, for any number of threads
   int threads = 0;         // 0 = all cores
   int max_passes = 0;      // passes over all candidates; 0 = until no swap improves
-  // The distance matrix is stored up to this size (n = 16 384); above, each pass recomputes it in
-  // blocks: a bit-identical result, in about three times the time for 128 floats.
+  // The distance matrix is stored up to this size (n = 16 384). Above it, each pass recomputes the
+  // matrix in blocks: a bit-identical result in about three times the time for 128 floats.
   std::uint64_t max_matrix_bytes = std::uint64_t{1} << 30;
   // Called periodically with the fraction of the work done (0..1) and the current loss.
   std::function<void(double done, double loss)> progress;
@@ -41,10 +41,10 @@ struct KMedoidsResult {
 };
 
 // Clusters the rows (Euclidean distance for floats, Hamming for binary). With max_passes 0 the
-// result is a local optimum of PAM's SWAP: no exchange of one medoid for one other row lowers the
-// loss (by more than 1e-10 of it). Medoids are distinct rows, but may be equal descriptors when
-// there are fewer than k different ones. Throws kInvalidArgument "bad_k" for k outside 1..N,
-// "too_many_samples", "descriptors_not_finite", "descriptors_out_of_range" (distances overflow),
+// result is a local optimum of PAM's SWAP: no exchange of one medoid for another row lowers the
+// loss (by more than 1e-10 of it). Medoids are distinct rows; they can be equal descriptors if
+// fewer than k differ. Throws kInvalidArgument "bad_k" for k outside 1..N, "too_many_samples",
+// "descriptors_not_finite", "descriptors_out_of_range" (distances overflow),
 // "descriptors_malformed"; kCancelled. Deterministic for a seed. Thread-safe.
 inline constexpr std::size_t kMaxKMedoidsSamples = 32768;
 KMedoidsResult KMedoids(const Descriptors& samples, const KMedoidsOptions& options);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Assigns descriptors to visual words: exact nearest medoid by a blocked product,
 //   argmin_w |x - w|^2 = argmin_w |x|^2 + |w|^2 - 2 x.w   (floats), or by counting bits (binary).
-// If rounding errors leave the product undecided between words, summed differences decide.
+// If rounding errors make the product ambiguous, summed differences decide.
 #pragma once
 
 #include <cstddef>
@@ -27,8 +27,8 @@ struct WordCount {
 struct Bow {
   std::vector<WordCount> words;
   std::uint32_t total = 0;  // sum of the counts
-  // Of each descriptor (vocab/residual_codes.h), in order of its word: those of a word stand side
-  // by side, as many as its count. Empty when the vocabulary has no codebook.
+  // The code of each descriptor (vocab/residual_codes.h), in order of its word: `count` codes for
+  // each word. Empty if the vocabulary has no codebook.
   std::vector<std::uint8_t> codes;
 };
 
@@ -37,13 +37,13 @@ struct NearWord {
   float distance = 0;  // Euclidean or Hamming
 };
 
-// The nearest words of a large vocabulary, coarse to fine: words lie in groups, and only the groups
-// whose centres are nearest to a descriptor are searched (the inverted file of J. Sivic and
+// The nearest words of a large vocabulary, from coarse to fine. Words form groups, and only the
+// groups whose centres are nearest to a descriptor are searched (the inverted file of J. Sivic and
 // A. Zisserman, "Video Google", ICCV 2003, on words instead of images; in Faiss: IndexIVFFlat).
 //
 // Approximate: a word in a group that is not searched is missed. vocab/README.md has the shares.
-// Each distance depends on descriptor and word only, and of equally near words the lowest comes
-// first, so the answer does not depend on other rows or on threads. Immutable and thread-safe.
+// Each distance depends on descriptor and word only. Of equally near words the lowest comes first.
+// So the result does not depend on other rows or on threads. Immutable and thread-safe.
 class WordGroups {
  public:
   // Vocabularies of fewer words are searched exactly.
@@ -64,7 +64,7 @@ class WordGroups {
     PackedDescriptors packed;
   };
 
-  // Of a descriptor with these distances from the centres: enough of the nearest for `wanted`
+  // The nearest groups of a descriptor with these distances to the centres, enough for `wanted`
   // words.
   std::vector<std::uint32_t> NearestGroups(std::span<const float> distances,
                                            std::size_t wanted) const;

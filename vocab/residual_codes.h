@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Codes: where within its word a descriptor lies, in a few bytes, so that a query's distance to it
-// can be estimated without the descriptor itself.
+// Codes: the position of a descriptor within its word, in a few bytes. They are enough to estimate
+// a query's distance to the descriptor.
 //
 // Float descriptors: product quantisation of the residual to the word (Jegou, Douze and Schmid,
 // "Product quantization for nearest neighbor search", PAMI 2011) after a learned rotation (Ge, He,
@@ -10,10 +10,10 @@
 // by one byte shuffle (Andre, Kermarrec and Le Scouarnec, "Cache locality is not enough", VLDB
 // 2015; code_scan.h). Binary descriptors are short: their code is the descriptor.
 //
-// With x' = w + R^T c the descriptor that the code c of word w stands for, and q a query,
+// Let x' = w + R^T c be the descriptor that code c of word w encodes, and q a query:
 //   |q - x'|^2 = |q - w|^2 + b - 2 (R q).c,   b = |c|^2 + 2 (R w).c,
-// so the sums over parts depend on the query only, whatever word is looked into, and the bias b on
-// the code only: it is kept beside the code.
+// The sums over parts depend on the query only, for every word. The bias b depends on the code only
+// and is stored with it.
 #pragma once
 
 #include <cstdint>
@@ -33,17 +33,17 @@ struct CodebookOptions {
 };
 
 // Learned on the residuals of `samples` to their words: assignment[i] is the word of sample i.
-// Deterministic. For binary descriptors there is nothing to learn but the size. Throws
-// kInvalidArgument "codebook_options_invalid", "no_samples".
+// Deterministic. For binary descriptors only the size is set. Throws kInvalidArgument
+// "codebook_options_invalid", "no_samples".
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
                        const Descriptors& words, const CodebookOptions& options = {});
 
-// Throws kInvalidArgument "codebook_malformed" for sizes that do not fit together or values that
-// are not finite.
+// Throws kInvalidArgument "codebook_malformed" for contradictory sizes or values that are not
+// finite.
 void CheckCodebook(const Codebook& codebook, const Descriptors& words);
 
-// What a query descriptor looks up: the distance that each centroid of each part adds, in whole
-// steps, part by part.
+// The lookup table of a query descriptor: the distance that each centroid of each part adds, in
+// whole steps, part by part.
 struct LookupTable {
   std::vector<std::uint8_t> entries;  // parts x 16
   float step = 0;

@@ -46,9 +46,9 @@ struct Vocabulary {
 };
 
 // Trains by k-medoids on `samples`, a random sample drawn by the caller. Equal samples keep their
-// weight in the loss but never become two equal words: with fewer than options.k distinct samples,
-// the vocabulary has that many words (check size()). Throws
-// kInvalidArgument "no_samples", and what KMedoids throws.
+// weight in the loss but never give two equal words. With fewer than options.k distinct samples,
+// the vocabulary has one word per distinct sample (check size()). Throws kInvalidArgument
+// "no_samples", and what KMedoids throws.
 Vocabulary TrainVocabulary(const Descriptors& samples, const std::string& model_id,
                            std::uint64_t available, const KMedoidsOptions& options);
 

@@ -12,18 +12,18 @@
 namespace pliant {
 
 enum class ErrorCode {
-  kInvalidArgument,       // the caller passed something out of range; the message names it
+  kInvalidArgument,       // a value out of range; the message names it
   kNotFound,              // no such image, object, vocabulary, file
-  kConflict,              // the state forbids it (model mismatch, name taken)
+  kConflict,              // the present state forbids it (model mismatch, name taken)
   kCorrupt,               // stored data or a model file fails its checks
   kUnsupportedMediaType,  // not an image type that Pliant reads
-  kTooLarge,              // over a limit an operator can set
-  kUnprocessable,         // right type, but it decodes badly or has too few features
-  kUnavailable,           // busy; trying later may succeed
-  kNoSpace,               // the disk is full, or a limit of size is reached
-  kCancelled,             // stopped on request; what was reported done is done
+  kTooLarge,              // above a limit that the operator can set
+  kUnprocessable,         // right type, but damaged or with too few features
+  kUnavailable,           // busy; a later try can succeed
+  kNoSpace,               // the disk is full, or a size limit is reached
+  kCancelled,             // stopped on request; work reported as done stays done
   kInternal,              // a defect in Pliant
-  kReadOnly,              // it may not be written: permissions, or a read-only file system
+  kReadOnly,              // not writable: permissions, or a read-only file system
 };
 
 // Thrown by every library of Pliant. `reason()` is a stable snake_case word for programs

@@ -17,7 +17,7 @@ std::string ToHex(std::span<const std::uint8_t> bytes);                  // lowe
 std::optional<std::vector<std::uint8_t>> FromHex(std::string_view hex);  // nullopt = not hex
 int HexValue(char digit);                                                // -1 = no hex digit
 
-// Digits of the system's random numbers, for names that nobody else has.
+// Hex digits of system random numbers, for unique names.
 std::string RandomHex(std::size_t digits);
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Data-parallel loops with an explicit number of threads, which one pool of the process lends.
+// Data-parallel loops with an explicit number of threads, from one pool of the process.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@ namespace pliant {
 int ResolveThreads(int threads);
 
 // Calls body(i) for i = 0..n-1, handed out in order to at most `threads` threads (0 = all cores;
-// the caller's own is one of them) and returns when all are done. What a body throws is thrown
-// again here, the lowest i's first; bodies not yet started are then left out. Bodies should be
-// worth 10 microseconds or more. Thread-safe; bodies may call it, and so may the child of a fork.
-// The pool grows to the helpers that all loops together ask for, and keeps them.
+// the caller's own is one of them) and returns when all are done. If bodies throw, the exception of
+// the lowest i is thrown here, and bodies not yet started are skipped. Bodies should be worth 10
+// microseconds or more. Thread-safe; bodies may call it, and so may the child of a fork. The pool
+// grows to the number of threads that all loops together request, and keeps them.
 void ParallelFor(std::size_t n, int threads, const std::function<void(std::size_t)>& body);
 
 // As ParallelFor, for bodies that need memory of their own: body(i, worker) with worker below

@@ -13,14 +13,14 @@ namespace pliant {
 // Replaces the file at `path` by `parts`, one after the other: written to a temporary file beside
 // it, flushed to the disk, then renamed, so that a reader or a power loss sees the old file or the
 // whole new one. Returns the system's error, with `path` untouched and no temporary file left;
-// callers turn it into the Error of their own. Thread-safe for different paths.
+// callers convert it to their own Error. Thread-safe for different paths.
 [[nodiscard]] std::error_code ReplaceFile(const std::filesystem::path& path,
                                           std::span<const std::string_view> parts);
 
-// The name of the temporary file, for those who write it themselves.
+// The name of the temporary file, for callers that write it themselves.
 std::string TemporaryNameOf(const std::filesystem::path& path);
-// What ReplaceFile does with the temporary file once it is written: flushes and renames it. On
-// failure it stays where it is.
+// The second step of ReplaceFile: flushes and renames the temporary file. On failure the file
+// stays.
 [[nodiscard]] std::error_code PublishFile(const std::string& temporary,
                                           const std::filesystem::path& path);
 

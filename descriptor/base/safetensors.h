@@ -4,8 +4,8 @@
 // packs and features: u64 little-endian header length | JSON header | tensor data, little-endian
 // and contiguous. Readers check every size, offset and type before anything is allocated for it:
 // tensors lie inside the file, do not overlap, leave no gap, and are as long as their shape says.
-// They throw kNotFound "file_unreadable" when there is no such file, and kCorrupt
-// "tensor_file_corrupt" naming the file and the tensor for anything malformed.
+// They throw kNotFound "file_unreadable" for a missing file, and kCorrupt "tensor_file_corrupt"
+// naming the file and the tensor for anything malformed.
 #pragma once
 
 #include <cstddef>
@@ -53,7 +53,7 @@ SafetensorsHeader ReadSafetensorsHeader(const std::filesystem::path& path);
 std::vector<Tensor> ReadSafetensors(const std::filesystem::path& path);
 
 // Replaces the file in one step (see ReplaceFile), the tensors' data in the order given: the widest
-// types first keep all of them aligned. What is no UTF-8 in a name or in the metadata becomes
+// types first keep all of them aligned. Invalid UTF-8 in a name or in the metadata is replaced by
 // U+FFFD. Returns the system's error, as ReplaceFile does.
 [[nodiscard]] std::error_code WriteSafetensors(const std::filesystem::path& path,
                                                const std::vector<Tensor>& tensors,
@@ -65,7 +65,7 @@ class SafetensorsFile {
   // Files above 1 GiB are refused.
   static SafetensorsFile Open(const std::filesystem::path& path);
 
-  // The same from bytes; `name` stands for the file in messages.
+  // The same from bytes; messages use `name` as the file's name.
   static SafetensorsFile Parse(std::vector<std::uint8_t> bytes, std::string name);
 
   const std::string& name() const { return name_; }

@@ -15,7 +15,7 @@ bool EqualsIgnoringCase(std::string_view a, std::string_view b);
 // Without blanks and tabs at both ends.
 std::string_view Trimmed(std::string_view text);
 
-// The parts that separators end, empty ones too; the last one needs no separator.
+// The parts before each separator, including empty ones; the last part needs no separator.
 std::vector<std::string> Split(std::string_view text, char separator);
 std::string Join(const std::vector<std::string>& parts, std::string_view separator);
 

@@ -10,12 +10,12 @@ namespace pliant {
 
 struct Utf8Character {
   char32_t point = 0;
-  std::size_t length = 0;  // bytes; 0 = the text begins with what is no character (RFC 3629)
+  std::size_t length = 0;  // bytes; 0 = the text begins with an invalid byte (RFC 3629)
 };
-// That a text begins with, which is not empty.
+// The first character of a text, which must not be empty.
 Utf8Character FirstCharacter(std::string_view text);
 
-// The code points of UTF-8; every byte that belongs to none becomes U+FFFD.
+// The code points of UTF-8; invalid bytes are replaced by U+FFFD.
 std::u32string DecodeUtf8(std::string_view text);
 
 // Code points up to U+10FFFF.

@@ -71,7 +71,7 @@ class HardNet {
     const HardNet& net_;
     const Kernels& kernels_ = BestKernels();
     dnnl::stream stream_{CpuEngine()};
-    AlignedFloats framed_, map1_, map2_, map3_, map4_, map5_, pooled_;  // what the layers read
+    AlignedFloats framed_, map1_, map2_, map3_, map4_, map5_, pooled_;  // inputs of the layers
     AlignedFloats scratch_, tiles_, products_, result_;
   };
 

@@ -24,7 +24,7 @@ namespace pliant::deal {
 //
 // The paper's grid has its rings at equal distances. On a logarithmic one (Ebel et al., "Beyond
 // Cartesian Representations for Local Descriptors", ICCV 2019) another keypoint size is a shift
-// along the rows of the patch, which convolutions and their strides bear, and the outer rings,
+// along the rows of the patch, which convolutions and their strides tolerate, and the outer rings,
 // where the surroundings of small objects lie, have fewer points.
 
 // kPatchPixels x offsets, then as many y offsets, in units of the support radius R, angle-major.

@@ -102,7 +102,7 @@ dnnl::memory::desc DenseDesc(const dnnl::memory::dims& dims, dnnl::memory::forma
 dnnl::memory Reordered(std::span<const float> values, const dnnl::memory::desc& from,
                        const dnnl::memory::desc& to);
 
-// What follows a convolution, inside the same primitive.
+// Operations after a convolution, inside the same primitive.
 struct ConvOptions {
   bool relu = false;
   bool add_to_destination = false;  // residual sum: destination += result, before the ReLU

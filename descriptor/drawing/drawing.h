@@ -48,8 +48,9 @@ void FillBox(Image& on, int x, int y, int width, int height, Colour colour);
 bool HasFonts();
 
 // One line of UTF-8 that starts at (`left`, `baseline`), in the system's fonts: any script that has
-// a font. `height_px`: of a capital letter, 1 or more. Control characters and invalid bytes become
-// U+FFFD. Without fonts the letters are OpenCV's: '?' for each character that is not ASCII.
+// a font. `height_px`: of a capital letter, 1 or more. Control characters and invalid bytes are
+// replaced by U+FFFD. Without fonts the letters are OpenCV's: '?' for each character that is not
+// ASCII.
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px = 12);
 // Width of one line in pixels.

@@ -40,7 +40,7 @@ struct PairMeasurement {
 // The choices, made; SIFT is always among them, because ratios are to it.
 struct Contenders {
   std::vector<Contender> all;
-  std::size_t shown = 0;  // the first so many were asked for
+  std::size_t shown = 0;  // number of requested ones, which come first
   std::size_t sift = 0;
 };
 

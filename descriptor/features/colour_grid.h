@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The colours of an image, coarse. Descriptors see grey only; what is told apart by its colour is
-// told apart by these.
+// The coarse colours of an image. Descriptors see grey only; these tell apart objects that differ
+// in colour.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 
 namespace pliant {
 
-// Means of chroma (CIELAB's a* and b*, each + 128) over equal cells of an image. Empty where the
-// colours are not known: of a grey image, or one that was described without.
+// Means of chroma (CIELAB's a* and b*, each + 128) over equal cells of an image. Empty if the
+// colours are unknown: the image is grey, or was described without colours.
 struct ColourGrid {
   int width = 0;  // cells
   int height = 0;
@@ -23,8 +23,8 @@ struct ColourGrid {
   bool operator==(const ColourGrid&) const = default;
 };
 
-// At most kColourGridSide cells along the longer side, square ones, of a colour image. Empty for
-// a grey one, and for one whose pixels are all grey. Thread-safe.
+// The grid of a colour image: square cells, at most kColourGridSide along the longer side. Empty
+// for a grey image, also if it is stored in colour. Thread-safe.
 inline constexpr int kColourGridSide = 64;
 ColourGrid MakeColourGrid(const Image& image);
 

@@ -37,8 +37,8 @@ class Descriptor {
   virtual Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                                int threads) const = 0;
 
-  // The same for an image that is described once and compared with many: may take longer and
-  // match better. The rows are comparable with those of Describe; the model id is the same.
+  // The same for an image that is described once and compared with many. This can take longer and
+  // match better. The rows are comparable with those of Describe, and the model id is the same.
   virtual Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
                                         int threads) const {
     return Describe(grey, keypoints, threads);
@@ -59,27 +59,27 @@ std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
                                                  const DescriptorOptions& options = {});
 
 // $PLIANT_MODEL, else share/pliant/deal.safetensors beside or above the running program, else the
-// installed one. Throws kNotFound naming all places searched.
+// installed one. Throws kNotFound naming all paths searched.
 std::filesystem::path DefaultModelPath();
 
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
-  // 0: never. Otherwise low-contrast keypoints are described, too, and an image with fewer
-  // keypoints than this is also described enlarged (enlarged_keypoints.h): that adds at most
-  // keypoints.max_keypoints new ones.
+  // 0: off. Above 0, low-contrast keypoints are described too. An image with fewer keypoints than
+  // this is also described enlarged (enlarged_keypoints.h), which adds at most
+  // keypoints.max_keypoints keypoints.
   int enlarge_below = 0;
-  bool colours = true;  // kept, coarse, beside the keypoints (colour_grid.h)
+  bool colours = true;  // also keep the coarse colours (colour_grid.h)
   ImageDecoder decoder = DecodeImage;
 };
 
-// What an image is described for.
+// The purpose for which an image is described.
 enum class ImageRole {
-  kQuery,      // to be compared now: Descriptor::Describe
-  kReference,  // to be compared with many: Descriptor::DescribeReference
+  kQuery,      // compared now: Descriptor::Describe
+  kReference,  // compared with many images: Descriptor::DescribeReference
 };
 
-// Wall-clock milliseconds each stage took.
+// Wall-clock milliseconds of each stage.
 struct ExtractionTimings {
   double decode_ms = 0;
   double detect_ms = 0;
@@ -98,27 +98,27 @@ class FeatureExtractor {
   Features Extract(Bytes encoded, int threads, ExtractionTimings* timings = nullptr,
                    ImageRole role = ImageRole::kQuery) const;
 
-  // Of a part of a file's image only, in as many of its own pixels as a whole image may have
-  // (DecodePart). Keypoints are in pixels of the whole original, whose size and colours the
-  // features have. A part outside the image gives features without rows.
+  // Describes one part of the image, at up to the size of a whole image (DecodePart). Keypoints are
+  // in pixels of the whole original. Size and colours are also those of the whole original. A part
+  // outside the image gives features without rows.
   Features ExtractPart(Bytes encoded, const Region& part, int threads,
                        ExtractionTimings* timings = nullptr) const;
 
-  // The first of the steps: options().decoder with options().decode.
+  // The first step: options().decoder with options().decode.
   DecodedImage Decode(Bytes encoded) const;
 
-  // Of what Decode made of a file, for callers that want more of it (its format).
-  // `timings->decode_ms` is left alone.
+  // The same from the result of Decode, for callers that also need its other fields (the format).
+  // Does not change `timings->decode_ms`.
   Features Extract(const DecodedImage& decoded, int threads, ExtractionTimings* timings = nullptr,
                    ImageRole role = ImageRole::kQuery) const;
 
-  // Of an image that is decoded already, grey or colour, of any size: a frame of a video.
+  // The same from a decoded image, grey or colour, of any size, such as a frame of a video.
   Features ExtractFrom(const Image& image, int threads, ExtractionTimings* timings = nullptr,
                        ImageRole role = ImageRole::kQuery) const;
 
-  // `known`, which this extractor made of the same file, followed by what only the second pass at
-  // high resolution finds (SecondPassSide): at most four times keypoints.max_keypoints, and 4096,
-  // more; of a part if `known` is of the part. Absent if no second pass would see more, or if
+  // The second pass at high resolution (SecondPassSide). Returns `known`, which this extractor made
+  // of the same file and part, followed by the new features. They are at most 4 x
+  // keypoints.max_keypoints, and at most 4096. Absent if a second pass cannot find more, or if
   // options().enlarge_below is 0. Throws what DecodeImage throws.
   std::optional<Features> ExtractSecondPass(Bytes encoded, const Features& known,
                                             const std::optional<Region>& part, int threads,

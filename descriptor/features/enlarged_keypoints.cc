@@ -77,7 +77,7 @@ bool IsInMiddle(const Keypoint& k, const Strip& strip) {
   return row >= strip.top && row < strip.bottom;
 }
 
-// Of all the strips' keypoints the strongest so many.
+// Keeps the `most` strongest keypoints of all strips.
 void KeepStrongest(std::size_t most, std::vector<std::vector<Keypoint>>* of_strips) {
   std::vector<float> responses;
   for (const auto& keypoints : *of_strips) {

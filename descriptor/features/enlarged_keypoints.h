@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Keypoints of an image at more than its usual size. Small prints have few keypoints, and most of
-// them are too fine for a detector that begins at the image's own size: the image is enlarged
-// first. Prints that take up a fifth of a street photo have many of theirs in a second pass at high
-// resolution, over more of the photo's pixels than it is usually described with.
+// Keypoints of an image above its usual size. Small prints have few keypoints, and most of them are
+// too fine for a detector at the image's own size. So the image is enlarged first. Prints a fifth
+// as wide as a street photo have many keypoints in a second pass at high resolution, which uses
+// more of the photo's pixels.
 #pragma once
 
 #include <optional>
@@ -22,8 +22,8 @@ struct EnlargedKeypoints {
 };
 
 // Enlarges `grey` to twice its size, but not beyond 1024 pixels or `max_side_px` (0 = no such
-// limit) on the longer side, and detects keypoints there, at most options.max_keypoints. Leaves
-// out those that `known` (in pixels of `grey`) has already: twins would spoil the ratio test of
+// limit) on the longer side, and detects keypoints there, at most options.max_keypoints. Omits
+// those that `known` (in pixels of `grey`) has already: duplicates break the ratio test of
 // matching, in which the second nearest must be clearly farther away. Thread-safe.
 EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
                                  int max_side_px, const KeypointOptions& options);
@@ -31,8 +31,9 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
 // How much larger DetectEnlarged makes an image with this longer side; 1 = not at all.
 double EnlargementOf(double longer_side_px, int max_side_px);
 
-// Those of `found` in `image` that `known` has not; `image` shows what `known` and `placed` are
-// in pixels of, scaled by `scale`, from `top` on (a row of its own pixels).
+// The keypoints of `found` in `image` that `known` does not have. `known` and `placed` are in
+// pixels of the original; `image` shows it scaled by `scale`, from row `top` (in its own pixels)
+// on.
 EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<const Keypoint> found,
                                std::span<const Keypoint> known);
 
@@ -47,28 +48,28 @@ struct PartView {
   double top = 0;
 };
 
-// Of what an image of that size has of the part; 0 where it lies outside.
+// The size of the part inside an image of that size; 0 if it lies outside.
 double LongerSide(const Region& part, int width, int height);
 
 // Decodes the part so that its longer side has at most `side_px` pixels (0 = no limit), but the
 // whole image at most 4096, or options.max_side_px where that is more. Never enlarges. The margin
-// is what descriptors see around keypoints at the part's edge. Absent where the part lies outside
+// is the surroundings that descriptors use at the part's edge. Absent where the part lies outside
 // the image. Throws what `decode` throws. Thread-safe as `decode` is.
 std::optional<PartView> DecodePart(Bytes encoded, const Region& part, int side_px,
                                    const ImageDecoder& decode, const DecodeOptions& options);
 
 // The longer side, in pixels, of an image in the second pass: three times `longer_side_px`, that of
 // the original, but at most 1.5 times `max_side_px` (0 = 1024). Absent unless that is a quarter
-// more than what its own keypoints and those of DetectEnlarged come from.
+// more than the sides used for its own keypoints and for DetectEnlarged.
 std::optional<int> SecondPassSide(double longer_side_px, int max_side_px);
 
-// Detects keypoints in `grey`, which shows the original scaled by `scale`, once it is `factor`
-// (at least 1) times as large: the strongest options.max_keypoints of options.inside (in pixels of
-// `grey`), without those that `known` has already.
-// `known` and EnlargedKeypoints::placed are in pixels of the original. The image comes in strips
-// of the same size, which overlap, so that neither OpenCV's pyramid (230 bytes a pixel) nor what
-// describes the strip takes more memory than for an image of the usual size; a keypoint is
-// listed with the strip whose middle it lies in. Thread-safe.
+// Detects keypoints in `grey`, which shows the original scaled by `scale`, once it is `factor` (at
+// least 1) times as large: the strongest options.max_keypoints of options.inside (in pixels of
+// `grey`), without those that `known` has already. `known` and EnlargedKeypoints::placed are in
+// pixels of the original. The image comes in strips of the same size, which overlap, so that
+// OpenCV's pyramid (230 bytes per pixel) and the description of a strip need no more memory than
+// for an image of the usual size. A keypoint belongs to the strip in whose middle it lies.
+// Thread-safe.
 std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
                                                       std::span<const Keypoint> known,
                                                       double factor,

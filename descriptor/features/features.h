@@ -37,7 +37,7 @@ struct Descriptors {
   std::vector<float> floats;        // N x dim when kFloat, else empty
   std::vector<std::uint8_t> bytes;  // N x dim when kBinary, else empty
 
-  // Zeros.
+  // All values are zero.
   static Descriptors Of(DescriptorKind kind, std::size_t rows, int dim) {
     const bool is_float = kind == DescriptorKind::kFloat;
     return {kind, dim, rows, std::vector<float>(is_float ? rows * dim : 0),
@@ -55,7 +55,7 @@ struct Descriptors {
   std::span<const std::uint8_t> binary_row(std::size_t i) const {
     return {bytes.data() + i * dim, static_cast<std::size_t>(dim)};
   }
-  // Adds the rows of `more`, which must be of the same kind and dim.
+  // Adds the rows of `more`, which must have the same kind and dim.
   void Append(const Descriptors& more) {
     rows += more.rows;
     floats.insert(floats.end(), more.floats.begin(), more.floats.end());
@@ -70,8 +70,8 @@ struct Features {
   int height = 0;
   std::vector<Keypoint> keypoints;
   Descriptors descriptors;  // row i describes keypoints[i]
-  std::string model_id;     // of the descriptors; a mismatch is an error, never an answer
-  ColourGrid colours = {};  // of the whole image; empty where they are not known
+  std::string model_id;     // of the descriptors; a mismatch is always an error
+  ColourGrid colours = {};  // of the whole image; empty if unknown
 };
 
 }  // namespace pliant

@@ -16,8 +16,8 @@ inline constexpr int kMaxKeypoints = 4096;
 
 struct KeypointOptions {
   int max_keypoints = 1024;  // strongest by response; 1 to kMaxKeypoints
-  // SIFT repeats a keypoint once for each dominant orientation (about 17 % of them). Rotation-
-  // invariant descriptors see the repeats as duplicates, so by default one per location is kept.
+  // SIFT repeats a keypoint for each further dominant orientation (about 17 %). To
+  // rotation-invariant descriptors these are duplicates, so by default one per location is kept.
   bool keep_repeated_orientations = false;
   // Only keypoints in this part, in pixels of the image they are detected in.
   std::optional<Region> inside = {};
@@ -28,16 +28,15 @@ struct KeypointOptions {
 std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options = {});
 
 // As DetectKeypoints, with half of SIFT's contrast threshold (0.02 instead of 0.04; Lowe 2004,
-// section 4): worn, small and pale prints have few of SIFT's own keypoints. Above
-// options.max_keypoints, the low-contrast ones are left out. On simulated pairs this matches two
-// thirds more keypoints correctly, but a smaller share of them. Thread-safe.
+// section 4). Worn, small and pale prints have few keypoints above SIFT's own threshold. Above
+// options.max_keypoints, the low-contrast keypoints are omitted. On simulated pairs this matches
+// two thirds more keypoints correctly, but a smaller share of them. Thread-safe.
 std::vector<Keypoint> DetectLowContrastKeypoints(const Image& grey,
                                                  const KeypointOptions& options = {});
 
-// How much each keypoint counts if many keypoints of an image show something else: 1 from SIFT's
-// own contrast threshold up, below it the contrast's share of the threshold, and 1 if the contrast
-// is unknown (response 0). A low-contrast keypoint of a whole photo is more often one of its
-// background.
+// Weight of each keypoint in an image that also shows other things. From SIFT's own contrast
+// threshold up it is 1, below it contrast / threshold. It is 1 if the contrast is unknown (response
+// 0). Low-contrast keypoints of a whole photo are more often part of its background.
 std::vector<float> ContrastWeights(std::span<const Keypoint> keypoints);
 
 }  // namespace pliant

@@ -67,8 +67,8 @@ cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
   return pixels;
 }
 
-// B, G, R of B, G, R, A: transparent pixels become white, because the colour under them is
-// arbitrary.
+// B, G, R of B, G, R, A: transparent pixels are painted white, because the colour under
+// them is arbitrary.
 cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
   cv::Mat bgr(bgra.size(), CV_8UC3);
   for (int y = 0; y < bgra.rows; ++y) {

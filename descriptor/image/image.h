@@ -25,8 +25,8 @@ struct Image {
   bool empty() const { return pixels.empty(); }
 };
 
-// A rectangle in pixels of an image, which it may reach beyond. Pixel centres are at integer
-// coordinates: the image's own first pixel reaches from -0.5 to 0.5.
+// A rectangle in pixels of an image. It can extend beyond the image. Pixel centres are at integer
+// coordinates: the first pixel of the image extends from -0.5 to 0.5.
 struct Region {
   double x = 0, y = 0, width = 0, height = 0;
 };
@@ -44,23 +44,23 @@ inline bool Contains(const Region& region, double x, double y) {
          y < region.y + region.height;
 }
 
-// All of an image.
+// The region of a whole image.
 inline Region FrameOf(int width, int height) { return {-0.5, -0.5, width + 0.0, height + 0.0}; }
 
-// The same part once the image is scaled.
+// The same region after the image is scaled.
 inline Region Scaled(const Region& region, double scale) {
   return {(region.x + 0.5) * scale - 0.5, (region.y + 0.5) * scale - 0.5, region.width * scale,
           region.height * scale};
 }
 
-// The same part in pixels of what is cut out of the image from (left, top) on.
+// The same region in pixels of a cut-out of the image whose first pixel is (left, top).
 inline Region SeenFrom(const Region& region, int left, int top) {
   return {region.x - left, region.y - top, region.width, region.height};
 }
 
 enum class ImageFormat { kUnknown, kJpeg, kPng, kWebp, kBmp, kTiff };
 
-// What the header says, without decoding. Width and height are before EXIF orientation.
+// The content of the header, without decoding. Width and height are before EXIF orientation.
 struct ImageHeader {
   ImageFormat format = ImageFormat::kUnknown;
   std::int64_t width = 0;
@@ -69,15 +69,15 @@ struct ImageHeader {
 };
 
 struct DecodeOptions {
-  int max_side_px = 1024;                       // longer side; larger images are scaled; 0 = no
-  std::int64_t max_pixels = 100'000'000;        // checked in the header, before decoding
+  int max_side_px = 1024;                 // longer side; larger images are scaled; 0 = no limit
+  std::int64_t max_pixels = 100'000'000;  // checked in the header, before decoding
   std::int64_t max_bytes = 64LL * 1024 * 1024;  // of the encoded file
-  // Of memory while decoding, estimated before from what the file says: 100 megapixels of baseline
-  // JPEG take little, of 16-bit colours with transparency 1.2 GB.
+  // Limit of memory for decoding, estimated from the header. 100 megapixels of baseline JPEG need
+  // little, of 16-bit colour with transparency 1.2 GB.
   std::int64_t max_decode_bytes = 1LL << 30;
   int min_side_px = 16;       // smaller images are refused
   bool colour = false;        // decode to 3 channels instead of 1
-  int thumbnail_side_px = 0;  // longer side of a thumbnail that is made beside; 0 = none
+  int thumbnail_side_px = 0;  // longer side of an additional thumbnail; 0 = none
 };
 
 struct DecodedImage {
@@ -89,7 +89,7 @@ struct DecodedImage {
   ImageFormat format = ImageFormat::kUnknown;
 };
 
-// Type by content ("magic" bytes), never by name. kUnknown when no type fits.
+// Type by content ("magic" bytes), never by name. kUnknown if no type matches.
 ImageFormat SniffFormat(Bytes bytes);
 
 // Reads only the header. Throws Error: kUnprocessable "image_empty", "image_truncated";
@@ -98,15 +98,14 @@ ImageHeader ReadImageHeader(Bytes bytes);
 
 // Decodes, turns upright and scales. Throws as ReadImageHeader does, and kTooLarge
 // "image_too_large" (bytes, pixels or memory), kUnprocessable "image_too_small", "image_corrupt",
-// "image_truncated" (an incomplete image is refused, never padded with grey); std::bad_alloc.
+// "image_truncated" (incomplete images are refused, never padded with grey); std::bad_alloc.
 // Thread-safe.
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});
 
-// DecodeImage, or what does the same elsewhere, in a process of its own. Thread-safe, throws the
-// same.
+// DecodeImage, or a function that does the same in another process. Thread-safe; throws the same.
 using ImageDecoder = std::function<DecodedImage(Bytes bytes, const DecodeOptions& options)>;
 
-// A size scaled down so that the longer side has at most so many pixels; 0 = not scaled.
+// A size scaled down to a longer side of at most `max_side_px` pixels; 0 = not scaled.
 struct ScaledSize {
   int width = 0;
   int height = 0;
@@ -127,7 +126,7 @@ Image ToGrey(const Image& image);
 // The pixels in the box, which must lie within the image.
 Image CutOut(const Image& image, const PixelBox& box);
 
-// Scales to exactly width x height: bicubic to a larger image, else averaging areas.
+// Scales to exactly width x height: bicubic to a larger image, otherwise by averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
 }  // namespace pliant

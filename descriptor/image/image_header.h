@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Image files, format by format: first what the structure says (size, completeness, cost of
-// decoding), because a file of a few kilobytes can claim gigabytes; then the pixels, by the library
-// of the format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
+// Image files, format by format. First the structure (size, completeness, cost of decoding),
+// because a file of a few kilobytes can declare gigabytes. Then the pixels, by the library of the
+// format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
 // Internal to the descriptor library; callers use image.h.
 #pragma once
 
@@ -57,15 +57,15 @@ class ByteReader {
   bool big_endian_;
 };
 
-// What one walk over a file's structure tells.
+// The result of one pass over a file's structure.
 struct ScannedImage {
   ImageHeader header;
   bool complete = true;       // the file does not end before its own structure says it does
   std::size_t jpeg_rest = 0;  // JPEG: where the walk for the size ended; see CheckStructure
   std::string defect = {};    // why the structure is refused, "it names ..."; empty = it is not
 
-  // Memory of decoding: so many bytes a pixel of the decoder's result with its conversions to 8
-  // bits of grey or colour, and so many more whatever the size of the result.
+  // Memory of decoding: bytes per pixel of the decoder's result, with its conversions to 8-bit grey
+  // or colour, and additional bytes for any size of the result.
   std::int64_t pixel_bytes = 3;
   std::int64_t buffer_bytes = 0;
 };
@@ -73,11 +73,11 @@ struct ScannedImage {
 // Throws as ReadImageHeader does. Takes time linear in the file's size, with a small factor.
 ScannedImage ScanImage(Bytes bytes);
 
-// Throws Error "image_truncated" when the file ends before its own structure says it does:
-// JPEG without an end marker, PNG without IEND, WebP/BMP/TIFF data beyond the end of the file; and
-// "image_corrupt" for what no camera or program writes: TIFF strips that overlap, a progressive
-// JPEG of thousands of scans. Of a JPEG this walks the pixels' data, which ScanImage leaves out
-// (callers check the size first), and adds the memory that its scans need.
+// Throws Error "image_truncated" when the file ends before its own structure says it does: JPEG
+// without an end marker, PNG without IEND, WebP/BMP/TIFF data beyond the end of the file; and
+// "image_corrupt" for files that no camera or program writes: TIFF strips that overlap, a
+// progressive JPEG of thousands of scans. Of a JPEG this walks the pixels' data, which ScanImage
+// leaves out (callers check the size first), and adds the memory that its scans need.
 void CheckStructure(Bytes bytes, ScannedImage& scanned);
 
 // The pixels as they are stored, not turned upright, 8 bits each: grey, B, G, R, or B, G, R, A. A

@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// For a process that decodes and does nothing else, and that may open and start nothing later; and
-// for programs whose standard error is a log.
+// For a process that only decodes and cannot open files or start threads later, and for programs
+// whose standard error is a log.
 #pragma once
 
 namespace pliant {
 
-// OpenCV logs nothing from now on: an Error says what is wrong with an image.
+// Switches off OpenCV's log: an Error reports a damaged image.
 void QuietDecoders();
 
-// OpenCV starts no threads from now on, and whatever the decoders load, measure or ask of the
-// system when they are first used is done: a small image of each format is decoded. Throws what
-// DecodeImage throws. Call it before starting threads.
+// Switches off OpenCV's threads and decodes a small image of each format, so that the decoders
+// finish all first-use work (loading, measuring, system calls). Throws what DecodeImage throws.
+// Call it before starting threads.
 void PrepareDecoders();
 
 }  // namespace pliant

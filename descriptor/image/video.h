@@ -23,9 +23,8 @@ struct VideoInfo {
 // Not thread-safe. FFmpeg may write a line about damaged data to standard error.
 class VideoReader {
  public:
-  // Throws kNotFound "cannot_read" when there is no such file, kUnprocessable "video_empty" for a
-  // file of no bytes or without a frame, kUnsupportedMediaType "video_unreadable" for one that is
-  // no video.
+  // Throws kNotFound "cannot_read" for a missing file, kUnprocessable "video_empty" for a file of
+  // no bytes or without a frame, kUnsupportedMediaType "video_unreadable" for other files.
   explicit VideoReader(const std::filesystem::path& file);
   ~VideoReader();
   VideoReader(const VideoReader&) = delete;

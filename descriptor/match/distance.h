@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blocked distances between many descriptors: Euclidean for floats, Hamming for bits.
 //
-// Every value depends on its two rows only, never on their position, the block they are computed
-// in, or the number of threads: identical rows are exactly 0 apart, d(a, b) == d(b, a) bit for
-// bit. The kernels use AVX-512 or AVX2 where the processor has them.
+// Every value depends on its two rows only, never on their position, their block or the number of
+// threads. The distance of identical rows is exactly 0, and d(a, b) == d(b, a) bit for bit. The
+// kernels use AVX-512 or AVX2 if the processor has them.
 #pragma once
 
 #include <cstddef>
@@ -18,8 +18,8 @@
 
 namespace pliant {
 
-// Throws kInvalidArgument when a float of `descriptors` is NaN or infinite, naming `what` and the
-// row, or when the sizes of the value do not fit together.
+// Throws kInvalidArgument that names `what` and the row if a float of `descriptors` is NaN or
+// infinite. Also throws it if the sizes in `descriptors` contradict each other.
 void CheckDescriptors(const Descriptors& descriptors, const char* what);
 
 // The named rows of `descriptors`, in that order.
@@ -27,7 +27,7 @@ Descriptors SelectRows(const Descriptors& descriptors, std::span<const std::uint
 
 // The nearest row and the distance of the second nearest.
 struct NearestTwo {
-  std::uint32_t index = 0;  // of equally near rows the lowest
+  std::uint32_t index = 0;  // the lowest of equally near rows
   float distance = 0;       // Euclidean or Hamming; infinite when there is no row
   float second = 0;         // infinite when there are fewer than two rows
 };
@@ -56,7 +56,8 @@ class PackedDescriptors {
   void Distances(const Descriptors& queries, std::size_t first, std::size_t count,
                  float* out) const;
 
-  // As Distances, but squared (floats), by |a|^2 + |b|^2 - 2 a.b: faster; precise as FindNearest.
+  // As Distances, but squared (floats), by |a|^2 + |b|^2 - 2 a.b: faster, as precise as
+  // FindNearest.
   void DistancesByProduct(const Descriptors& queries, std::size_t first, std::size_t count,
                           float* out) const;
 
@@ -68,8 +69,8 @@ class PackedDescriptors {
                    NearestTwo* nearest, NearestOne* nearest_query = nullptr) const;
 
  private:
-  // Fills tiles as kernels::FillTile says: squared distances of floats, the bits that differ.
-  // `queries` must outlive it.
+  // Fills tiles as kernels::FillTile describes, with squared distances of floats or the number of
+  // differing bits. `queries` must outlive it.
   std::function<void(std::size_t, std::size_t, std::size_t, float*)> TilesOf(
       const Descriptors& queries, std::size_t first, std::size_t count, bool by_product) const;
   void AllDistances(const Descriptors& queries, std::size_t first, std::size_t count,

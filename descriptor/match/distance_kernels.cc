@@ -129,8 +129,8 @@ PLIANT_INLINE void DotsToSquared(float* __restrict values, std::size_t rows, con
   }
 }
 
-// Both updates are written with vectors: of the plain loop GCC makes stores that it jumps over
-// where no lane is better, and these jumps cannot be foreseen.
+// Both updates use vectors. For the plain loop GCC jumps over the stores if no lane is better, and
+// the processor cannot predict these jumps.
 template <int kLanes>
 PLIANT_INLINE void UpdateRows(const float* values, std::size_t rows, std::uint32_t panel,
                               RowState* states) {

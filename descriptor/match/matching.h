@@ -28,9 +28,9 @@ struct MatchOptions {
   int threads = 1;           // 0 = all cores; the result does not depend on it
 };
 
-// Matches every reference descriptor, in order of reference. The query is packed once, so that
-// many references can be matched against it. Throws kConflict "descriptor_mismatch" when kind or
-// dim differ, kInvalidArgument for options out of range. Values must be finite. Thread-safe.
+// Matches every reference descriptor, in order of reference. The query is packed once, and many
+// references can be matched with it. Throws kConflict "descriptor_mismatch" if kind or dim differ,
+// kInvalidArgument for options out of range. Values must be finite. Thread-safe.
 std::vector<Match> MatchDescriptors(const PackedDescriptors& query, const Descriptors& reference,
                                     const MatchOptions& options = {});
 std::vector<Match> MatchDescriptors(const SteppedDescriptors& query,

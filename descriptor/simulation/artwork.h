@@ -31,7 +31,7 @@ Artwork DrawArtwork(Random& random, const Texture* image);
 // A plausible colour of cloth: white, black, grey or dyed.
 Ink DrawClothColour(Random& random);
 
-// How well the drawing is told from a cloth of this colour: mean difference where there is ink.
+// Contrast of the drawing on cloth of this colour: mean difference over the ink.
 float Contrast(const Artwork& artwork, const Ink& cloth);
 
 // How much brighter the inks are than a cloth of this colour, mean; negative: darker.
@@ -46,7 +46,7 @@ struct PrintPlace {
 struct PrintOptions {
   Ink cloth = Ink::Ones();
   float opacity = 1.0F;  // of the ink
-  float fading = 0.0F;   // worn places, 0..1
+  float fading = 0.0F;   // worn spots, 0..1
 };
 
 // The drawing on a cloth of width x height pixels that covers the whole chart.

@@ -219,7 +219,7 @@ Motion Bend(const Body& body, Random& random, float strength) {
   return motion;
 }
 
-// Tubes: a rigid can or bottle, or a sleeve that is held at places and pulled about.
+// Tubes: a rigid can or bottle, or a sleeve that is held at some points and pulled.
 Motion Sleeve(const Body& body, Random& random, float strength) {
   Motion motion;
   if (random.Chance(0.35F)) {

@@ -32,7 +32,7 @@ class ToneCurve {
   std::array<float, 4096> table_{};
 };
 
-// Normal numbers made once; an image walks through them from random places.
+// Normal random numbers, made once; an image reads them from random positions on.
 const std::vector<float>& NormalTable() {
   static const std::vector<float> table = [] {
     Random random(20211206);

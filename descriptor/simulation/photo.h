@@ -45,14 +45,14 @@ void AddJpegArtefacts(Image& image, int quality);
 // What cameras and programs do to an image after it is taken: fewer pixels, tone curves, noise
 // reduction, sharpening, storing as JPEG again, enlarging.
 struct DevelopOptions {
-  float enlarge = 1.0F;   // the photograph has so many times fewer pixels a side, then is enlarged
+  float enlarge = 1.0F;   // factor by which the photograph is made smaller per side, then enlarged
   bool cubic = true;      // how it is enlarged; else bilinear
   float contrast = 0.0F;  // of an S-shaped tone curve; negative flattens
   float smear = 0.0F;     // noise reduction: what differs little from its surroundings is smoothed
   float sharpen = 0.0F;   // amount of an unsharp mask
   float sharpen_px = 1.0F;  // its radius
   int jpeg_quality = 0;     // stored once more, with the blocks elsewhere; 0 = not
-  int jpeg_shift = 0;       // by so many pixels
+  int jpeg_shift = 0;       // shift of the blocks, in pixels
 };
 
 DevelopOptions DrawDevelop(Random& random, float strength);

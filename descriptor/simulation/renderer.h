@@ -54,7 +54,7 @@ struct Camera {
 
 inline constexpr std::uint8_t kNoChart = 255;
 
-// An image in linear light and, per pixel, what the pixel's centre sees.
+// An image in linear light and, per pixel, the surface point at the pixel's centre.
 struct Frame {
   int width = 0;
   int height = 0;
@@ -69,7 +69,7 @@ struct Frame {
 double Coverage(const std::vector<std::uint8_t>& chart);
 
 // Draws with 2 x 2 samples per pixel over `backdrop` (height x width, or empty for black). Back
-// faces of a chart hide what is behind them and count as no chart.
+// faces of a chart hide surfaces behind them and count as no chart.
 Frame Render(const std::vector<Surface>& surfaces, const Lighting& lighting, const Camera& camera,
              const std::vector<Colour>& backdrop);
 

@@ -15,7 +15,7 @@ namespace pliant::simulation {
 // Camera, lights, photo, framing, motion of one view as a JSON object.
 nlohmann::ordered_json ViewJson(const View& view);
 
-// On one line, or indented by two. What is no UTF-8 (a texture's file name) becomes U+FFFD.
+// On one line, or indented by two. Invalid UTF-8 (a texture's file name) is replaced by U+FFFD.
 std::string JsonText(const nlohmann::ordered_json& json, bool indented = false);
 
 inline constexpr const char* kSceneFormat = "pliant-scene 1";

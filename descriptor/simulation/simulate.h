@@ -18,7 +18,7 @@ struct SimulateOptions {
   std::string preset = "pairs";  // pairs, objects, sequence, rotation, scale, planar, street
   std::string format = "auto";   // tensors, folders; auto: tensors for pairs and street
   std::int64_t scenes = 100;
-  std::int64_t first = 0;        // number of the first scene: a set can be made in parts
+  std::int64_t first = 0;        // number of the first scene, to make a set in parts
   std::int64_t distractors = 0;  // preset objects: folders with views of further objects, no ref
   int views = 0;                 // per scene, including the reference; 0 = the preset's own
   int width = 640;               // of each view, pixels
@@ -26,8 +26,8 @@ struct SimulateOptions {
   bool colour = false;       // always true for the preset objects
   double strength = 1.0;     // of deformation, light and noise, (0, 1]
   double occluders = 0.25;   // probability that a view is partly hidden
-  double turn_deg = 60.0;    // preset sequence: the camera turns about its axis by at most this
-  double least_scale = 0.5;  // preset sequence: the object ends between this and 1
+  double turn_deg = 60.0;    // preset sequence: largest turn of the camera about its axis
+  double least_scale = 0.5;  // preset sequence: the object's final scale is this to 1
   std::uint64_t seed = 1;
   int jobs = 0;  // threads; 0 = one per core
   // Called after each scene (made, wanted), from any thread, never concurrently. Returning false
@@ -52,7 +52,7 @@ struct SimulateReport {
 };
 
 // The same options give bit-identical files on one machine, independently of `jobs`. Scenes appear
-// complete or not at all; existing ones are kept, so an interrupted run can be resumed.
+// complete or not at all. Existing scenes are kept, so that an interrupted run can be resumed.
 // Throws Error: kInvalidArgument ("option_out_of_range", "preset_unknown", "textures_missing"),
 // kNotFound "textures_not_found", kNoSpace "file_unwritable", kCancelled "simulation_stopped".
 SimulateReport Simulate(const SimulateOptions& options);

@@ -96,9 +96,9 @@ using ImageDecoder = std::function<Image(std::span<const std::uint8_t>)>;
 // kUnprocessable "image_corrupt" or "image_truncated".
 Image DecodePnm(std::span<const std::uint8_t> bytes);
 
-// Every regular file below a folder, in the order of their relative paths, which become the
-// textures' names; or the tensors of a safetensors pack (U8, [H, W] or [H, W, 3]) in the order of
-// their names. What cannot be decoded is skipped and listed. `jobs` threads decode (0 = one per
+// Every regular file below a folder, in the order of their relative paths, which are the textures'
+// names; or the tensors of a safetensors pack (U8, [H, W] or [H, W, 3]) in the order of their
+// names. Files that cannot be decoded are skipped and listed. `jobs` threads decode (0 = one per
 // core). Throws Error: kNotFound "textures_not_found", kInvalidArgument "textures_missing" when
 // nothing usable is there, kCorrupt for a broken pack.
 TextureSource LoadTextures(const std::filesystem::path& where, const ImageDecoder& decoder,

@@ -32,7 +32,7 @@ class BatchOptions:
     per_pair: int = 48           # at most, from one pair of images
     min_per_pair: int = 8        # fewer and the pair is skipped (except to fill up the batch)
     radius_per_size: tuple[float, float] = (6.0, 14.0)  # log-uniform, one value a batch
-    size_jitter: float = 0.0     # sizes of keypoints err by up to so many octaves, each its own way
+    size_jitter: float = 0.0     # largest random error of keypoint sizes, octaves
     max_gamma_log: float = 0.35  # photometric augmentation: grey^exp(U(-g, g))
     crop_px: int = 0             # side of the windows for the backbone; 0 = no windows
     extra_keypoints: int = 0     # further keypoints a window, for the supervised warp only
@@ -224,7 +224,7 @@ def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.rando
 
 
 def to_tensors(batch: Batch) -> Batch:
-    """The same with tensors in place of arrays: they pass between processes through shared memory."""
+    """The same with tensors instead of arrays: they pass between processes through shared memory."""
     arrays = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in vars(batch).items()
               if isinstance(value, np.ndarray)}
     return dataclasses.replace(batch, **arrays)

@@ -115,14 +115,14 @@ def _refine(dog: np.ndarray, at: np.ndarray, threshold: float) -> tuple[np.ndarr
             break
         centre, gradient, hessian = _derivatives(dog, at)
         offset = _solve(hessian, gradient)
-        settled = (np.abs(offset) < 0.5).all(1)
+        converged = (np.abs(offset) < 0.5).all(1)
         contrast = centre + 0.5 * (gradient * offset).sum(1)
         trace = hessian[:, 0, 0] + hessian[:, 1, 1]
         determinant = hessian[:, 0, 0] * hessian[:, 1, 1] - hessian[:, 0, 1] ** 2
-        good = (settled & (np.abs(contrast) * _LAYERS >= threshold) & (determinant > 0)
+        good = (converged & (np.abs(contrast) * _LAYERS >= threshold) & (determinant > 0)
                 & (trace**2 * _EDGE < (_EDGE + 1) ** 2 * determinant))
         done.append((at[good], offset[good], np.abs(contrast[good])))
-        moved = at[~settled] + np.rint(np.clip(offset[~settled], -1e6, 1e6)).astype(np.int64)[:, ::-1]
+        moved = at[~converged] + np.rint(np.clip(offset[~converged], -1e6, 1e6)).astype(np.int64)[:, ::-1]
         at = moved[((moved >= start) & (moved <= limit)).all(1)]
     if not done:
         return np.zeros((0, 3), np.int64), np.zeros((0, 3)), np.zeros(0)

@@ -29,7 +29,7 @@ except ImportError:  # a bare training machine
 CACHE_VERSION = "6"
 MAX_KEYPOINTS = 1024
 POSITION_TOLERANCE_PX = 3.0
-_FAINT = 0.02  # threshold of contrast in training: the service's (descriptor/features/keypoints.h)
+_LOW_CONTRAST = 0.02  # threshold of contrast in training: the service's (descriptor/features/keypoints.h)
 SCALE_TOLERANCE_LOG2 = 1.0  # beyond, two different things share a place
 
 
@@ -98,7 +98,7 @@ def corresponding(scene: Scene, a: int, b: int, features: list[ViewFeatures],
 def compute(scene: Scene) -> SceneFeatures:
     views = []
     for view in range(scene.views):
-        table = detect(scene.images[view], contrast=_FAINT)[:, :4]
+        table = detect(scene.images[view], contrast=_LOW_CONTRAST)[:, :4]
         points = scene.locate(view, table[:, :2])
         on = points.chart != NO_CHART
         views.append(ViewFeatures(table[on], SurfacePoints(points.chart[on], points.uv[on])))

@@ -10,8 +10,8 @@
 #   [FIRST=1000] [PRESET=gpu] [STAGES="hardnet warp joint"] [INIT=weights.safetensors] \
 #   [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
 #
-# SETS: presets of the simulator; of each, FIRST scenes are made before training begins, and the others
-# up to SCENES beside it, so many at a time: training looks for new ones after one and two thirds of a
+# SETS: presets of the simulator. FIRST scenes of each are made before training begins, the others up
+# to SCENES during training, FIRST at a time: training looks for new ones after one and two thirds of a
 # stage's time. INIT: weights that the first of the stages starts from; the last stage's rates then
 # fall to nothing at the end of this slice.
 # EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.

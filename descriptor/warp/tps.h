@@ -17,13 +17,13 @@ struct Vec2 {
 };
 
 struct TpsOptions {
-  // Weight of the bending energy against the mean squared error, in coordinates scaled to unit
-  // spread (so it does not depend on the size of the image). 0 = the closest fit that the
-  // control points allow; large = affine.
+  // Weight of the bending energy relative to the mean squared error, in coordinates scaled to unit
+  // spread (so it does not depend on the image's size). 0 = the best fit that the control points
+  // allow; large = affine.
   double regularization = 1e-3;
-  // Up to this many points each carry a basis function: the exact smoothing spline. For n points
-  // above this limit m, a well-spread subset of m points does, and all n are fitted by least
-  // squares: O(n m^2) instead of O(n^3).
+  // Up to this number m of points, each point has a basis function: the exact smoothing spline. For
+  // n > m points, a well-spread subset of m points has them, and all n are fitted by least squares:
+  // O(n m^2) instead of O(n^3).
   int max_control_points = 48;
 };
 
@@ -31,8 +31,8 @@ struct TpsOptions {
 // Immutable, thread-safe, a few kilobytes.
 class ThinPlateSpline {
  public:
-  // Fits f(from[i]) = to[i] with weights[i] (all 1 when empty). Throws
-  // kUnprocessable "tps_degenerate" for fewer than 3 points of weight or points on one line;
+  // Fits f(from[i]) = to[i] with weights[i] (all 1 when empty). Throws kUnprocessable
+  // "tps_degenerate" for fewer than 3 points with weight or for points on one line;
   // kInvalidArgument when sizes differ, a value is not finite, or an option is out of range.
   static ThinPlateSpline Fit(std::span<const Vec2> from, std::span<const Vec2> to,
                              const TpsOptions& options = {}, std::span<const double> weights = {});

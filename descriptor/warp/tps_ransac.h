@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Finds the correspondences that agree with one smooth warp of a bent surface, and the warp.
+// Finds the correspondences that fit one smooth warp of a bent surface, and the warp.
 //
-// Random samples of three neighbouring correspondences give affine maps, which approximate a smooth
+// Random samples of three neighbouring correspondences give affine maps. These approximate a smooth
 // warp locally (Tran et al., "In defence of RANSAC for outlier rejection in deformable
-// registration", ECCV 2012); the best are grown to neighbouring correspondences that the map of
-// their own neighbourhood predicts; a regularised thin-plate spline is fitted robustly to the
-// largest grown set, and all correspondences are tested against it. Needs no majority of correct
-// correspondences, only one place where several neighbours are correct.
+// registration", ECCV 2012). The best maps are extended to neighbouring correspondences that the
+// map of their own neighbourhood predicts. A regularised thin-plate spline is fitted robustly to
+// the largest extended set, and all correspondences are tested against it. This needs no majority
+// of correct correspondences, only one region in which several neighbours are correct.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ struct LocalAffine {
   double determinant() const { return a * d - b * c; }
 };
 
-// Least-squares fit to 3 or more corresponding points. nullopt when the reference points are nearly
+// Least-squares fit to 3 or more corresponding points. nullopt if the reference points are nearly
 // collinear (width below 1/12 of their length, or below half a pixel).
 std::optional<LocalAffine> FitLocalAffine(std::span<const Vec2> reference,
                                           std::span<const Vec2> query);
@@ -52,30 +52,31 @@ struct TpsRansacOptions {
   std::uint64_t seed = 1;
   int iterations = 1500;    // samples of three, at most
   double tolerance_px = 4;  // in the query image, between a point and its mapped partner
-  // The same in the reference image: where the warp shows that smaller, tolerance_px shrinks to
-  // this times the warp's local scale, but not below least_tolerance_px. 0: it does not shrink.
+  // The same in the reference image. If the warp shrinks the reference there, tolerance_px shrinks
+  // to this times the warp's local scale, but not below least_tolerance_px. 0: it does not shrink.
   double reference_tolerance_px = 0;
   double least_tolerance_px = 0;
   double regularization = 3e-3;  // of the final spline, see TpsOptions
   double max_anisotropy = 6;     // of local maps, see IsPlausible
   // The keypoints' size ratio may differ from the warp's local scale by this factor.
   double max_size_factor = 2;
-  int min_inliers = 5;  // fewer agreeing correspondences are attributed to chance
+  int min_inliers = 5;  // fewer inliers are attributed to chance
 };
 
-// Pixels of the query image in which a point may lie from its mapped partner, where the warp
-// scales areas by `determinant`.
+// The largest distance between a point and its mapped partner, in pixels of the query image, where
+// the warp scales areas by `determinant`.
 double ToleranceAt(const TpsRansacOptions& options, double determinant);
 
-// Throws kInvalidArgument that names the option, or for numbers that are not finite.
+// Throws kInvalidArgument for an option out of range, which it names, and for numbers that are not
+// finite.
 void Validate(std::span<const Correspondence> input, const TpsRansacOptions& options);
 
 // Why there is no warp.
 enum class TpsRansacFailure {
   kNone,
   kTooFew,       // fewer than min_inliers correspondences were given
-  kNoAgreement,  // no neighbourhood agrees on a map, or the grown set is too small
-  kDegenerate,   // the agreeing correspondences lie on a line
+  kNoAgreement,  // no neighbourhood has a common map, or the extended set is too small
+  kDegenerate,   // the inliers lie on a line
   kFolded,       // the spline folds over at every regularisation
 };
 const char* ToString(TpsRansacFailure failure);
@@ -87,7 +88,7 @@ struct TpsRansacResult {
 };
 
 // Deterministic for a seed. Throws kInvalidArgument for options out of range or coordinates that
-// are not finite; too few, collinear or contradictory correspondences are not errors but give a
+// are not finite; too few, collinear or contradictory correspondences are no error, but a
 // `failure`. Cost: about O(n^2 + 20 iterations + n m^2) with m control points. Thread-safe.
 TpsRansacResult TpsRansac(std::span<const Correspondence> correspondences,
                           const TpsRansacOptions& options = {});

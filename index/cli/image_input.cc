@@ -45,8 +45,8 @@ std::vector<std::uint8_t> ReadStandardInput(std::int64_t max_bytes) {
   return bytes;
 }
 
-// Binary PGM and PPM, the formats of HPatches and other data sets, become PNG: the library reads
-// what cameras and web sites make.
+// Converts binary PGM and PPM, the formats of HPatches and other data sets, to PNG: the library
+// reads only formats of cameras and web sites.
 std::vector<std::uint8_t> AsPng(std::vector<std::uint8_t> bytes) {
   const bool pnm = bytes.size() > 2 && bytes[0] == 'P' && (bytes[1] == '5' || bytes[1] == '6') &&
                    (std::isspace(bytes[2]) != 0 || bytes[2] == '#');

@@ -44,7 +44,7 @@ struct FolderImage {
 };
 
 struct FolderFeatures {
-  std::filesystem::path root;  // the folder, or the deepest one that all named images lie in
+  std::filesystem::path root;  // the folder, or the deepest common one of all named images
   std::vector<FolderImage> images;
   std::vector<SkippedFile> skipped;  // by name below the root
 };

@@ -88,7 +88,7 @@ ExitStatus Run(int argc, char** argv) {
 }  // namespace pliant::cli
 
 int main(int argc, char** argv) {
-  // A file size limit and a closed pipe become errors of the write; they do not kill the process.
+  // A file size limit and a closed pipe cause errors of the write; they do not kill the process.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   pliant::QuietDecoders();

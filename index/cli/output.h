@@ -20,7 +20,7 @@
 
 namespace pliant::cli {
 
-// The one place where errors become exit statuses of `pliant`.
+// The only code that maps errors to exit statuses of `pliant`.
 enum class ExitStatus {
   kDone = 0,
   kFailed = 1,
@@ -46,7 +46,7 @@ void Message(fmt::format_string<First, Rest...> text, First&& first, Rest&&... r
   Message(fmt::format(text, std::forward<First>(first), std::forward<Rest>(rest)...));
 }
 
-// Claims standard output for a file that is called "-". Call it before the work whose result is
+// Reserves standard output for a file that is called "-". Call it before the work whose result is
 // written: from then on Print writes to standard error. `flag` is for the message. Throws
 // kInvalidArgument "output_taken" if another file or a JSON document (`json`) goes there too, or if
 // standard output is a terminal.

@@ -21,7 +21,7 @@ constexpr const char* kStandardOutput = "-";
 // Throws kNoSpace "write_failed" if WriteFile would fail: the folder is missing or not writable, or
 // the path is a folder. Call it before the work whose result is written.
 void CheckWritable(const std::filesystem::path& path);
-// The same for the value of an option, which may be empty: none. Claims standard output for "-"
+// The same for the value of an option; empty = no file. Reserves standard output for "-"
 // (ClaimStandardOutput).
 void CheckOutput(const std::filesystem::path& path, std::string_view flag, bool json);
 
@@ -31,7 +31,7 @@ void CheckNotInput(const std::filesystem::path& path,
                    std::initializer_list<std::filesystem::path> inputs);
 
 // A file that is written in pieces, at any offset, and replaces the old one in one step (Publish).
-// Without it nothing is left. Throws kNoSpace "write_failed".
+// Without Publish, no file remains. Throws kNoSpace "write_failed".
 class NewFile {
  public:
   explicit NewFile(std::filesystem::path path);

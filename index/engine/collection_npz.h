@@ -12,9 +12,9 @@
 
 namespace pliant {
 
-// Of the images that `list` names, all of one state; how many. `begin` hears how many bytes the
-// file will have, before the first is written. Memory does not grow with the collection. Throws as
-// Engine::ForEachPage does, and what `begin` and `write` throw.
+// Writes the features of the images in `list`, all of one state. Returns the number of images.
+// `begin` receives the size of the file before the first byte is written. Memory does not grow with
+// the collection. Throws as Engine::ForEachPage does, and what `begin` and `write` throw.
 std::int64_t WriteFeaturesNpz(Engine& engine, ImageListing list,
                               const std::function<void(std::uint64_t bytes)>& begin,
                               const NpzArchive::Write& write);

@@ -43,8 +43,8 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
   const bool describes = options_.load_descriptor && !options_.read_only;
   const ExtractionLimits& limits = store_->model().limits;
   FollowLimits(limits, options_.extraction);
-  limits_settled_ = limits.max_keypoints != 0 && limits.max_side_px != 0;
-  if (describes) SettleLimits(options_.extraction);
+  limits_stored_ = limits.max_keypoints != 0 && limits.max_side_px != 0;
+  if (describes) StoreLimits(options_.extraction);
   store_->OpenOriginals(options_.originals_dir, describes);
   if (options_.custom_descriptor) {  // another process may have made the database meanwhile
     CheckModel(options_.custom_descriptor->info());
@@ -100,12 +100,12 @@ void EngineCore::FollowLimits(const ExtractionLimits& stored, ExtractionOptions&
 
 // Before the first image is described. With no limit to the side there is nothing to write down
 // for it: 0 means "not decided".
-void EngineCore::SettleLimits(ExtractionOptions& extraction) {
-  if (limits_settled_ || options_.read_only) return;
+void EngineCore::StoreLimits(ExtractionOptions& extraction) {
+  if (limits_stored_ || options_.read_only) return;
   FollowLimits(
       store_->SettleExtraction({extraction.keypoints.max_keypoints, extraction.decode.max_side_px}),
       extraction);
-  limits_settled_ = true;
+  limits_stored_ = true;
 }
 
 const EngineCore::Extractors& EngineCore::extractors() {
@@ -115,7 +115,7 @@ const EngineCore::Extractors& EngineCore::extractors() {
         MakeDescriptorFor(options_, store_->model().info.name);
     CheckModel(descriptor->info());
     ExtractionOptions extraction = options_.extraction;  // others read that
-    SettleLimits(extraction);
+    StoreLimits(extraction);
     const FeatureExtractor plain(std::move(descriptor), extraction);
     const auto enlarging = [&](int below) {
       return options_.enlarge ? plain.WithEnlargeBelow(below) : plain;

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The facade of the index: one database, many threads. An Engine has four faces: its images, its
-// searches, its vocabularies, and its maintenance. API keys and jobs of a server have a facade of
-// their own (index/store/service_store.h), and verification can be used without a database
+// The facade of the index: one database, many threads. An Engine has four parts: images, search,
+// vocabularies and maintenance. API keys and jobs of a server have a separate facade
+// (index/store/service_store.h). Verification also works without a database
 // (index/verify/verification.h).
 //
-// Thread safety: every method may be called from any thread. Searches run on an immutable
-// snapshot; writes go through one writer and are durable when the call returns, so that kill -9 or
-// power loss loses nothing that was acknowledged.
+// Thread safety: any thread can call any method. Searches run on an immutable snapshot. Writes go
+// through one writer and are durable when the call returns: neither kill -9 nor power loss loses an
+// acknowledged write.
 #pragma once
 
 #include <cstdint>
@@ -29,92 +29,93 @@ namespace pliant {
 
 struct EngineOptions {
   std::filesystem::path database;
-  // Descriptor of a NEW database; an existing one must have been made with the same model
-  // (Error kConflict "model_mismatch" names both). Empty: whatever the database was made with, and
-  // "deal" for a new one.
+  // Descriptor of a NEW database. An existing database must have the same model (Error kConflict
+  // "model_mismatch" names both). Empty: the database's own; "deal" for a new database.
   std::string descriptor = "deal";
   DescriptorOptions descriptor_options;
   ExtractionOptions extraction;
-  // Keypoints an image and its longer side in pixels are properties of a database, so that what
-  // is stored and what is asked are described alike. Absent: as the database was made, and what
-  // `extraction` says for a new one. Another value than the database's is Error kConflict
+  // Keypoints per image and longer side in pixels. They are properties of the database, so that
+  // images and queries are described in the same way. Absent: the database's own values; those of
+  // `extraction` for a new database. Other values than the database's are Error kConflict
   // "extraction_mismatch".
   std::optional<int> max_keypoints;
   std::optional<int> max_side_px;
-  // Also describe small images, and every query, enlarged (ExtractionOptions::enlarge_below,
-  // which is not looked at here). false: at their own size alone, as the paper does.
+  // Also describe small images, and every query, enlarged. This replaces
+  // ExtractionOptions::enlarge_below, which is ignored here. false: only at their own size, as in
+  // the paper.
   bool enlarge = true;
-  bool create = true;  // make the file if it does not exist; else kNotFound
+  bool create = true;  // create a missing database; false: kNotFound
   bool read_only = false;
-  bool keep_originals = true;  // store the uploaded bytes too, for GET .../content
-  // Directory for them, made if the one above it exists; empty: the database. Absent: as the
-  // database remembers, and the database for a new one. What is stored already stays where it is
-  // and is found there. The constructor throws kConflict "originals_foreign" for the directory of
-  // another database and kNotFound "originals_missing" for one that lacks the files of this one;
-  // without a descriptor (`load_descriptor`) it only looks into the directory.
+  bool keep_originals = true;  // also store the uploaded bytes, for GET .../content
+  // Directory for the uploaded bytes, created if its parent exists; empty: the database. Absent:
+  // the current location; for a new database, the database. Stored bytes stay where they are, and
+  // are found there. The constructor throws kConflict "originals_foreign" for the directory of
+  // another database, and kNotFound "originals_missing" for one that lacks files of this database.
+  // Without a descriptor (`load_descriptor`) it only reads the directory.
   std::optional<std::filesystem::path> originals_dir;
-  // Used instead of `descriptor` when set; engines can share one this way.
+  // Replaces `descriptor` if set. Several engines can share one.
   std::shared_ptr<const Descriptor> custom_descriptor;
-  // false: the descriptor is made by the first call that describes an image, so that weights are
-  // neither needed nor checked before.
+  // false: the first call that describes an image makes the descriptor. Weights are not needed, and
+  // not checked, before.
   bool load_descriptor = true;
-  // false: the inverted index is loaded by the first call that needs it.
+  // false: the first call that needs the inverted index loads it.
   bool load_index = true;
-  // Hears which share of the images is in memory while the index loads, 0..1, from the thread
-  // that loads.
+  // Called while the index loads with the share of the images in memory, 0..1, by the loading
+  // thread.
   std::function<void(double share)> loading;
-  // Hears of failures that no caller is told, from any thread: after them the index in memory is
-  // behind the database. Searches and writes try to catch up first, and throw what is wrong.
+  // Called for failures that no caller receives, from any thread. After such a failure the index in
+  // memory is behind the database. The next search or write tries to catch up first, and throws if
+  // it cannot.
   std::function<void(const std::string& failure)> warn;
   int busy_timeout_ms = 10'000;  // wait for another process's write lock, then kUnavailable
-  // Images are refused (kNoSpace) when less than this would stay free on the disk of the database
-  // or of the originals: removing takes space, too, before it gives some back.
+  // Images are refused (kNoSpace) if less than this would remain free on the disk of the database
+  // or of the originals. Removal also needs some space before it frees any.
   std::uint64_t reserve_bytes = 64 * 1024 * 1024;
 };
 
-// What people write for EngineOptions::originals_dir: nothing = as before, "database", or a path
-// ("./database" for a directory of that name).
+// EngineOptions::originals_dir from text. Empty: the current location; "database": the database;
+// otherwise a path ("./database" for a directory of that name).
 inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string& text) {
   if (text.empty()) return std::nullopt;
   return text == "database" ? std::filesystem::path() : std::filesystem::path(text);
 }
 
-class EngineCore;  // what the faces share (engine_core.h)
+class EngineCore;  // shared by the parts of an Engine (engine_core.h)
 
 // Collections, images and objects.
 class EngineImages {
  public:
-  // Collections: separate images, objects and vocabularies. `default` is there from the start and
-  // cannot be removed. Create: false = it was there. Remove: with all it holds; false = it was not.
+  // Collections: separate images, objects and vocabularies. `default` always exists and cannot be
+  // removed. Create: false = it existed already. Remove: with all its content; false = it did not
+  // exist.
   bool CreateCollection(const std::string& name);
   std::vector<std::string> ListCollections();
-  std::vector<CollectionLabel> ListLabels();  // the same, with their other names
+  std::vector<CollectionLabel> ListLabels();  // the same, with display names and aliases
   bool RemoveCollection(const std::string& name);
   // kNotFound as GetCollection; kInvalidArgument "display_name_invalid".
   CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
-  // An active one; kNotFound as GetCollection.
+  // Whether it has an active vocabulary; kNotFound as GetCollection.
   bool HasVocabulary(const std::string& collection);
   CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
 
-  // Aliases: other names of collections, good wherever a collection is named (RemoveCollection
-  // refuses them: kConflict "collection_is_alias"). Whoever makes several calls that belong
-  // together asks for CollectionName() first, since aliases can be moved between two calls: the
-  // name of the collection itself; kNotFound as GetCollection.
-  // Change: all at once, or none. kNotFound "alias_not_found" for one to remove,
-  // "collection_not_found"; kConflict "collection_exists" for an alias that has the name of a
-  // collection; kInvalidArgument "alias_invalid". They go with their collection.
+  // Aliases: other names of collections, valid wherever a collection is named. Only
+  // RemoveCollection refuses them (kConflict "collection_is_alias"). CollectionName: the
+  // collection's own name; kNotFound as GetCollection. Aliases can move between two calls: call it
+  // first if several calls must use the same collection. ChangeAliases: all changes in one step, or
+  // none. kNotFound "alias_not_found" for an alias to remove, "collection_not_found"; kConflict
+  // "collection_exists" for an alias with the name of a collection; kInvalidArgument
+  // "alias_invalid". Removing a collection removes its aliases.
   std::string CollectionName(const std::string& name_or_alias);
   std::vector<AliasRecord> ListAliases();
   void ChangeAliases(const AliasChanges& changes);
 
-  // Images. Add throws what DecodeImage throws, kUnprocessable "too_few_features",
-  // kInvalidArgument for an id, object or metadata that is not acceptable. Bytes that are stored
-  // under another id already are not described again. Where there is a `check`, it sees the image
-  // that has the id, before anything is described, and again when it is stored; what it throws
-  // refuses the addition.
+  // Images. Add throws what DecodeImage throws, kUnprocessable "too_few_features", kInvalidArgument
+  // for an invalid id, object or metadata. Bytes that are already stored under another id are not
+  // described again. `check` receives the image that has the id: before the new one is described,
+  // and again when it is stored. An exception from `check` refuses the addition.
   AddResult Add(const AddRequest& request, const ImageCheck& check = {});
-  // The same in two steps: this one takes processor time, and what it returns waits for the store,
-  // which may take long. The request's bytes, and the engine, must outlive it.
+  // The same in two steps. This call uses the processor; the returned function waits for the store,
+  // possibly for long. The request's bytes and the engine must outlive it.
   std::function<AddResult()> BeginAdd(const AddRequest& request, const ImageCheck& check = {});
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
   ImageRecord Get(const std::string& collection, const std::string& id);  // kNotFound
@@ -122,25 +123,25 @@ class EngineImages {
   // kNotFound "content_not_kept"; kCorrupt "original_missing", "original_corrupt".
   std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
   std::vector<ImageRecord> List(const ListOptions& options);
-  // False = was not there. What `check` throws.
+  // false = it did not exist. Throws what `check` throws.
   bool Remove(const std::string& collection, const std::string& id, const ImageCheck& check = {});
-  // A page of those selected, in any order, with what is counted beside (records/listing.h).
-  // kInvalidArgument names what is wrong.
+  // A page of the selected images, in any order, with counts (records/listing.h). kInvalidArgument
+  // names the invalid option.
   ImagePage ListPage(const ImageListing& list);
-  // All pages, one after the other, of one state of the database: what is changed meanwhile is not
-  // seen. Writers go on, and the database's log grows until it ends.
+  // All pages, one after another, of one state of the database. Writers continue, but their changes
+  // are not visible here. The database's log grows until this returns.
   void ForEachPage(const ImageListing& list, const std::function<void(const ImagePage&)>& work);
-  // Likewise, with the features of each image: `look` sees all pages first, then `take` each
-  // image, in the same order.
+  // The same with the features of each image: first `look` receives all pages, then `take` receives
+  // each image, in the same order.
   void ForEachFeatures(const ImageListing& list, const std::function<void(const ImagePage&)>& look,
                        const std::function<void(const ImageRecord&, const Features&)>& take);
-  DescriptorInfo Model();  // what the images are described with
+  DescriptorInfo Model();  // the descriptor of the images
   ObjectPage ListPage(const ObjectListing& list);
-  // Removes all images selected, at once or not at all; how many. Nothing selected apart from the
-  // collection is kInvalidArgument "selection_empty": that would be all of it.
+  // Removes all selected images in one step, or none. Returns their number. A selection of the
+  // whole collection is kInvalidArgument "selection_empty".
   std::uint64_t RemoveWhere(const Selection& which);
-  // Another object, other metadata, without describing anything anew; the record as it is then.
-  // kNotFound "image_not_found"; kInvalidArgument for what is not acceptable; what `check` throws.
+  // Changes object or metadata without describing the image again. Returns the new record.
+  // kNotFound "image_not_found"; kInvalidArgument for invalid values; what `check` throws.
   ImageRecord Change(const std::string& collection, const std::string& id,
                      const ImageChange& change);
 
@@ -149,7 +150,7 @@ class EngineImages {
   std::optional<ObjectRecord> GetObject(const std::string& collection, const std::string& object);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
                              const ObjectCheck& check = {});
-  // Another name, for all its images at once. kNotFound "object_not_found"; kConflict
+  // Renames the object in all its images in one step. kNotFound "object_not_found"; kConflict
   // "object_exists"; kInvalidArgument; what `check` throws.
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
@@ -161,40 +162,40 @@ class EngineImages {
   EngineCore& core_;
 };
 
-// What is in an image.
+// Searches, and comparisons of images.
 class EngineSearch {
  public:
   // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
-  // "too_few_features", kInvalidArgument for options (named), kNotFound for a stored id.
+  // "too_few_features", kInvalidArgument that names the option, kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
   SearchResult SearchStored(const std::string& image_id, const SearchOptions& options);
-  // By several stored images at once, 1 to kMaxExamples (kInvalidArgument "examples_invalid",
-  // kNotFound for one that there is not): images like any of them, those like several first. Each
-  // example is searched with; a hit's score is 1 - the product of (1 - score) over them, its
-  // probability the highest, and the rest what the example gave that it agrees with best. The
-  // examples themselves are no hits. `options.region` is kInvalidArgument "region_invalid". Beyond
-  // the 1000 best hits of each example nothing is counted.
+  // Searches by several stored images, 1 to kMaxExamples (kInvalidArgument "examples_invalid",
+  // kNotFound for an unknown id). Finds images similar to any of them; images similar to several
+  // come first. Each example is a query. A hit's score is 1 - the product of (1 - score) over the
+  // examples, its probability the highest. All its other fields are from its best example. The
+  // examples themselves are no hits. `options.region` is kInvalidArgument "region_invalid". Only
+  // the 1000 best hits of each example count.
   SearchResult SearchExamples(const std::vector<std::string>& image_ids,
                               const SearchOptions& options);
-  // With features that were extracted elsewhere with the database's model (else kConflict
-  // "model_mismatch"): what Search gives for the image they are of. `second` gives the features
-  // of a second pass at high resolution, where Search would make one; none: there are no more.
+  // The result of Search for an image from its features, which were extracted elsewhere with the
+  // database's model (otherwise kConflict "model_mismatch"). `second` returns the features of the
+  // second pass at high resolution if Search would make one; none: no second pass.
   using SecondPass = std::function<std::optional<Features>(ExtractionTimings*)>;
   SearchResult SearchFeatures(const Features& features, const SearchOptions& options,
                               const SecondPass& second = {});
-  // Such features, of the image that `known` are of (FeatureExtractor::ExtractSecondPass).
+  // The features for `second`, of the image of `known` (FeatureExtractor::ExtractSecondPass).
   std::optional<Features> DescribeFiner(Bytes encoded, const Features& known, int threads);
 
-  // Whether two images show the same object, and where that of the first is in the second; no
-  // image is stored. Where not, the second is looked at more closely, as Search does. `threads`:
-  // 0 = all cores. Throws what DecodeImage throws, kUnprocessable
-  // "too_few_features" that names the image.
+  // Whether two images show the same object, and where the object of the first is in the second.
+  // Stores nothing. If they do not, the second image gets a second pass, as in Search. `threads`: 0
+  // = all cores. Throws what DecodeImage throws, kUnprocessable "too_few_features" that names the
+  // image.
   Comparison Compare(Bytes first, Bytes second, int threads);
 
-  // Where the object is in the image, as the tracker asks of every frame. All of an object's
-  // images are compared when they are few, those with the most similar words when there are many.
-  // Not found is no error. `threads`: 0 = all cores. Throws what DecodeImage throws, kNotFound
-  // "collection_not_found", "object_not_found".
+  // Where the object is in the image, as in the tracker. If the object has few images, all are
+  // compared, otherwise those with the most similar visual words. Not found is no error. `threads`:
+  // 0 = all cores. Throws what DecodeImage throws, kNotFound "collection_not_found",
+  // "object_not_found".
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
                         int threads);
 
@@ -208,13 +209,13 @@ class EngineSearch {
 // Vocabularies.
 class EngineVocabularies {
  public:
-  // Training makes a new version beside the old and re-quantises the images from
-  // their stored descriptors; UseVocabulary switches atomically.
+  // Training makes an additional vocabulary and quantises the images from their stored descriptors.
+  // UseVocabulary switches atomically.
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
   std::vector<VocabularyRecord> ListVocabularies(const std::string& collection);
   void UseVocabulary(const std::string& collection, std::int64_t id,
                      const UseOptions& options = {});
-  // Images that UseVocabulary would have to quantise first.
+  // Number of images that UseVocabulary must quantise first.
   std::uint64_t CountUnquantized(const std::string& collection, std::int64_t id);
 
  protected:
@@ -229,19 +230,22 @@ class EngineVocabularies {
 class EngineMaintenance {
  public:
   EngineStats Stats();
-  // Every invariant of the database; empty = sound. Each problem is a sentence.
+  // Checks every invariant of the database. Returns one sentence per problem; empty = sound.
   std::vector<std::string> Check();
-  // Removes files of the originals' directory that no image refers to: what a process left that
-  // died while it added. How many. Nothing where the directory is another database's.
+  // Removes files from the originals' directory that no image refers to, such as those of a process
+  // that died during an addition. Returns their number. Removes nothing from another database's
+  // directory.
   std::uint64_t SweepOriginals();
-  // Makes `directory` (empty: the database) the place of originals, as EngineOptions::originals_dir
-  // does, and moves those there that are stored already, a few in a transaction: also while the
-  // database is in use, and what was cut off goes on when called again. `progress` hears the share.
+  // Makes `directory` (empty: the database) the location of originals, as
+  // EngineOptions::originals_dir does, and moves the stored originals there, a few per transaction.
+  // This works while the database is in use. After an interruption, call it again to continue.
+  // `progress` receives the share, 0..1.
   MoveOriginalsResult MoveOriginals(const std::filesystem::path& directory,
                                     const std::function<void(double done)>& progress = {});
   std::optional<OriginalsRecord> DescribeOriginals();  // nullopt = all are in the database
-  // Online backup to a file that must not exist; written to a temporary name, then renamed. Without
-  // the originals' directory: copy that afterwards. `stop`: then kCancelled "cancelled".
+  // Online backup to a file that must not exist. It is written under a temporary name, then
+  // renamed. It does not contain the originals' directory: copy that afterwards. On `stop`:
+  // kCancelled "cancelled".
   void Backup(const std::filesystem::path& target, const std::stop_token& stop = {});
 
  protected:
@@ -256,7 +260,7 @@ class Engine : public EngineImages,
                public EngineVocabularies,
                public EngineMaintenance {
  public:
-  // Opens or makes the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
+  // Opens or creates the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
   // database", "other_schema"), kConflict, kUnavailable.
   explicit Engine(EngineOptions options);
   ~Engine();

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What the faces of an engine share: how images are described, where they are kept (store/) and
-// how they are ranked (rank/). Private to engine/.
+// Shared by the parts of an engine: description, storage (store/) and ranking (rank/) of images.
+// Private to engine/.
 #pragma once
 
 #include <memory>
@@ -24,15 +24,15 @@ class EngineCore {
   MemoryRanker& ranker() { return *ranker_; }
   const DescriptorInfo& model() const { return store_->model().info; }
   bool keeps_originals() const { return options_.keep_originals; }
-  // Of the collection with this name or alias.
+  // The view of the collection with this name or alias.
   CollectionView View(const std::string& collection) {
     return ranker_->View(catalogue().RequireCollection(collection).name);
   }
   // Of a stored image; kNotFound "image_not_found".
   Features GetFeatures(const ImageRef& ref, const std::string& collection);
 
-  // The descriptor, made when first needed; kConflict when it differs from the database's. For
-  // images to index, and for those to search with, of which every detail may be the one.
+  // The descriptor, made when first needed; kConflict if it differs from the database's. One
+  // extractor for stored images, and one for queries, which finds more detail.
   const FeatureExtractor& extractor() { return extractors().indexed; }
   const FeatureExtractor& query_extractor() { return extractors().query; }
 
@@ -43,19 +43,19 @@ class EngineCore {
   };
   const Extractors& extractors();
   void CheckModel(const DescriptorInfo& info) const;
-  // Makes `extraction` follow what the database has written down; kConflict "extraction_mismatch".
+  // Sets `extraction` to the values stored in the database; kConflict "extraction_mismatch".
   void FollowLimits(const ExtractionLimits& stored, ExtractionOptions& extraction) const;
-  // The same, once it is written down where that was not decided yet. Not before an image is
-  // described: a read-only engine decides nothing.
-  void SettleLimits(ExtractionOptions& extraction);
-  void Follow();  // after a commit; what goes wrong is told to options_.warn and thrown
+  // The same, after storing values that the database does not have yet. Called before the first
+  // image is described. A read-only engine stores nothing.
+  void StoreLimits(ExtractionOptions& extraction);
+  void Follow();  // after a commit; reports a failure to options_.warn, and throws it
 
   EngineOptions options_;
   std::mutex extractors_mutex_;  // guards the making of extractors_
   std::unique_ptr<const Extractors> extractors_;
-  bool limits_settled_ = false;  // guarded by it, too, once the constructor is done
+  bool limits_stored_ = false;  // also guarded by it, after the constructor
   std::unique_ptr<Store> store_;
-  std::unique_ptr<MemoryRanker> ranker_;  // follows store_, and goes first
+  std::unique_ptr<MemoryRanker> ranker_;  // follows store_; destroyed before it
   std::jthread follower_;                 // last: it uses the ranker
 };
 

@@ -49,10 +49,10 @@ void CheckQuery(const Features& features, const std::optional<Region>& region) {
   throw Error(ErrorCode::kInvalidArgument, field + "_invalid", field + " " + message);
 }
 
-// Of an object's images so many are compared; of more, those that rank best.
+// Maximum number of an object's images that are compared: the best-ranked ones.
 constexpr int kMostCompared = 24;
 
-// Of each example: what is further down in all of them is not among the best together.
+// Hits per example: images below this rank in every example are not among the best.
 constexpr std::size_t kHitsAnExample = 1000;
 
 void CheckExamples(const std::vector<std::string>& ids, const SearchOptions& options) {

@@ -23,12 +23,12 @@ bool IsAdmitted(const Admission& admission, const ImageRecord& record) {
          Passes(admission.filter, record.metadata);
 }
 
-// Features of so many images are in memory at a time.
+// Number of images whose features are in memory at a time.
 constexpr std::size_t kImagesABatch = 256;
-// So many are looked at before it is asked whether they are enough.
+// Number of images that are verified before the depth is checked.
 constexpr std::size_t kFirstImages = 30;
 
-// An undecided search looks at so many times the images.
+// Factor of the depth of an undecided search.
 constexpr std::size_t kDeeper = 2;
 
 bool Verifies(const SearchOptions& options) {
@@ -79,7 +79,7 @@ class CandidateVerifier {
   }
 
  private:
-  // How many images are looked at next, after so many.
+  // Size of the next batch, after `looked_at` images.
   std::size_t BatchAfter(std::size_t looked_at) const {
     if (options_.verify_depth != 0) return kImagesABatch;
     return std::clamp(looked_at, kFirstImages, kImagesABatch);

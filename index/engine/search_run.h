@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One search: rank in memory, read what was ranked best in one batch, verify in memory. A second
-// pass verifies the same ranking with more features of the query. Private to engine/.
+// One search: rank in memory, read the best images in one batch, verify in memory. A second pass
+// verifies the same ranking with more features of the query. Private to engine/.
 #pragma once
 
 #include <cstddef>
@@ -20,20 +20,20 @@
 
 namespace pliant {
 
-// The candidates of one search, read from the store in batches. An image that was replaced since
-// it was ranked is kept in its new state, under the version that was ranked, so that no search
-// misses it. Fetch: one thread. The rest: any, when no Fetch runs.
+// The candidates of one search, read from the store in batches. An image that was replaced after
+// the ranking is kept in its new state, under the ranked version, so that no search misses it.
+// Fetch: one thread. Other methods: any thread, while no Fetch runs.
 class CandidateCache {
  public:
-  // New states that `admission` would not have admitted are left out. Both must outlive the cache.
+  // Omits new states that `admission` does not admit. Both must outlive the cache.
   CandidateCache(Catalogue* source, const Admission* admission, std::string model_id)
       : source_(*source), admission_(*admission), model_id_(std::move(model_id)) {}
 
-  // Reads those that are not there yet, all at once.
+  // Reads the missing ones in one batch.
   void Fetch(std::span<const RankedImage> images, Load what);
   void DropFeatures();
 
-  // nullptr, nullopt: the image is gone.
+  // nullptr, nullopt: the image was removed.
   const ImageRecord* Record(std::int64_t version) const;
   std::optional<Features> LoadFeatures(std::int64_t version) const;
 
@@ -52,8 +52,8 @@ class SearchRun {
   SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
             const Features& query, const SearchOptions& options);
 
-  // Verifies with `features`: the query, or, in a second pass, what that has added to it. Timings
-  // are those of all passes so far.
+  // Verifies with `features`: the query, or in a second pass the added features. Timings include
+  // all passes so far.
   SearchResult Run(const Features& features);
 
  private:
@@ -62,7 +62,7 @@ class SearchRun {
   RankOptions ToRankOptions() const;
   Ranking Rank(const RankOptions& options);
   void Fetch(const CandidateVerifier& verifier);
-  // `ranking` becomes the one whose best, behind the verified, are the other hits.
+  // Sets `ranking` to the one that gives the hits after the verified ones.
   std::vector<VerifiedImage> Verified(const Features& features, Ranking* ranking);
   void VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits,
                     Ranking* ranking);
@@ -74,14 +74,14 @@ class SearchRun {
   const CollectionView& view_;
   const Features& query_;
   const SearchOptions& options_;
-  SearchTimings timings_;  // before what is timed while it is made
+  SearchTimings timings_;  // declared before the members that it times
   const Bow bow_;
   const RankOptions rank_;
   CandidateCache cache_;
-  // By the query, for all passes.
+  // The ranking by the query, for all passes.
   Ranking ranking_;
-  std::optional<Ranking> deeper_;  // once a pass has needed it
-  std::size_t depth_ = 0;          // images that this pass sets apart for verification
+  std::optional<Ranking> deeper_;  // set when a pass needs it
+  std::size_t depth_ = 0;          // images that this pass verifies
 };
 
 }  // namespace pliant

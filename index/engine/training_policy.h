@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// When a collection gets a vocabulary without being asked.
+// When a collection gets a vocabulary automatically, and its default size.
 #pragma once
 
 #include <algorithm>
@@ -10,25 +10,25 @@
 
 namespace pliant {
 
-// How large a vocabulary is when nobody says.
+// The default size of a vocabulary.
 
 // Size of the training sample for a collection with this many descriptors, ten times the number of
-// words: 4000 words up to four million descriptors, above a word for every 1000 descriptors, at
-// most 65 536. The words' lists then keep their length while the collection grows, and ranking by
-// neighbours its time. A smaller collection's sample is all it has.
+// words. 4000 words up to four million descriptors; above, one word per 1000 descriptors, at most
+// 65 536. So the words' lists keep their length as the collection grows, and ranking by neighbours
+// its time. Smaller collections use all descriptors.
 constexpr std::uint64_t DefaultVocabularySample(std::uint64_t descriptors) {
   return std::clamp<std::uint64_t>(descriptors / 100, 40'000, 655'360);
 }
 
-// A vocabulary of ours that was chosen from at least this many descriptors is replaced only when it
-// would have kWordGrowth times as many words; another one when there are kGrowth times as many
-// descriptors as it was chosen from.
+// An automatic vocabulary trained from at least this many descriptors is replaced only when the new
+// one has kWordGrowth times as many words. Another one is replaced when the collection has kGrowth
+// times as many descriptors as at its training.
 inline constexpr std::uint64_t kFullSample = 40'000;
 inline constexpr std::uint64_t kGrowth = 4;
 inline constexpr std::uint64_t kWordGrowth = 2;
 
-// True for a collection with images and no vocabulary, and for one that has outgrown a vocabulary
-// which nobody trained or chose by hand (CollectionRecord::automatic).
+// True for a collection with images and no vocabulary, and for one that has outgrown its automatic
+// vocabulary (CollectionRecord::automatic).
 bool AutomaticTrainingIsDue(const CollectionRecord& record);
 
 }  // namespace pliant

@@ -58,7 +58,7 @@ struct RetrievalResult {
   RetrievalMetrics mean;               // over the seeds
   RetrievalMetrics spread;             // sample standard deviation over the seeds
   std::optional<double> ns_score;      // UKBench layout only
-  std::optional<ObjectAnswer> object;  // first seed; not when queries are searched themselves
+  std::optional<ObjectAnswer> object;  // first seed; absent if queries are also in the gallery
   std::size_t refused = 0;             // queries, which count as misses
   AbsentAnswers absent;                // first seed
   std::vector<NamedAnswer> answers;    // first seed, with RetrievalOptions::keep_answers

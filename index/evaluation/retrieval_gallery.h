@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A retrieval set indexed with one descriptor in a database of the engine, so that the product
-// itself is measured.
+// A retrieval set indexed with one descriptor in an engine's database, to measure the product
+// itself.
 #pragma once
 
 #include <cstdint>
@@ -59,14 +59,14 @@ struct NamedHit {
 // A query and its first hits, by name. A query that was refused has none.
 struct NamedAnswer {
   std::filesystem::path file;
-  std::string object;  // that it shows
+  std::string object;  // shown by the query
   std::vector<NamedHit> hits;
 };
 
 // Of the images whose object is absent.
 struct AbsentAnswers {
-  std::size_t asked = 0;   // without those that were refused
-  std::size_t alarms = 0;  // answered with a hit that counts as found
+  std::size_t asked = 0;   // without refused queries
+  std::size_t alarms = 0;  // queries with a hit that counts as found
 };
 
 // Not thread-safe.
@@ -112,8 +112,8 @@ class RetrievalGallery {
   void Fill();
   void Add(const RetrievalImage& image, const std::string& id, Bytes bytes);
   void ThrowIfStopped() const;
-  // The second pass of a query at high resolution (Engine::DescribeFiner), kept as a file beside
-  // the database: every vocabulary and protocol needs it again.
+  // The second pass of a query at high resolution (Engine::DescribeFiner). It is kept as a file
+  // beside the database, since every vocabulary and protocol needs it.
   std::optional<Features> SecondPass(std::size_t image, const Features& known);
   std::vector<std::string> SearchedIds() const;  // without refused images
   SearchResult Search(std::size_t image, SearchOptions search);

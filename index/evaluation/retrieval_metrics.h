@@ -14,7 +14,7 @@ namespace pliant {
 struct RetrievalAnswer {
   std::vector<bool> right;   // per rank: whether the image shows the query's object
   std::size_t possible = 0;  // correct images in the gallery, found or not; 1 or more
-  bool found = false;        // the first image is said to be found (SearchResult::found)
+  bool found = false;        // the first image counts as found (SearchResult::found)
 };
 
 inline constexpr std::size_t kAccuracyRanks = 20;
@@ -28,8 +28,8 @@ struct RetrievalMetrics {
   double top1 = 0;         // the first image is right
   double mrr = 0;          // 1 / rank of the first right image; 0 when there is none
   double ns = 0;           // right images among the first four, 0..4 (UKBench's N-S score)
-  double found_right = 0;  // the first image is said to be found, and is right
-  double found_wrong = 0;  // the first image is said to be found, and is wrong
+  double found_right = 0;  // the first image counts as found and is correct
+  double found_wrong = 0;  // the first image counts as found and is wrong
 };
 
 // Of one query. Throws kInvalidArgument when nothing is possible, or more is right than possible.

@@ -57,9 +57,9 @@ struct RetrievalSet {
 };
 
 // Reads the names only, not the images. `distractors` and `absent`: folders of images that show
-// none of the objects, to be searched or asked. Throws kNotFound for a folder that is not there,
-// kUnprocessable "layout_unknown", "no_distractors" or "no_absent" for a folder without images,
-// and what CheckRetrievalSet throws.
+// none of the objects, to be searched or asked. Throws kNotFound for a missing folder,
+// kUnprocessable "layout_unknown", "no_distractors" or "no_absent" for a folder without images, and
+// what CheckRetrievalSet throws.
 RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayout layout,
                               const std::vector<std::filesystem::path>& distractors = {},
                               const std::vector<std::filesystem::path>& absent = {});

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Files that are there after power loss, and the system's complaints as ours. Private to index/.
+// Files that survive power loss, and the system's errors as Error. Private to index/.
 #pragma once
 
 #include <filesystem>
@@ -29,30 +29,30 @@ class FileHandle {
   int fd_;
 };
 
-// A new empty file, locked (flock) until its handle is closed: so other processes tell that its
-// writer lives. Until it is locked it looks abandoned, and may be removed: then, and when the name
-// is taken, `next_name` gives another name. Throws what ThrowErrno throws.
+// A new empty file, locked (flock) until its handle is closed. The lock tells other processes that
+// its writer lives. Before it is locked, another process can take it for abandoned and remove it.
+// In that case, and if the name is taken, `next_name` gives another name. Throws what ThrowErrno
+// throws.
 FileHandle MakeLockedFile(const std::function<std::filesystem::path()>& next_name, int mode,
                           std::filesystem::path* path);
 
-// Whether both are one file.
+// Whether both are the same file.
 bool IsSameFile(int fd, const std::filesystem::path& path);
 
 // A path as text for messages.
 std::string DisplayPath(const std::filesystem::path& path);
 
-// Whether a call of the system failed because this process, or all together, may open no more.
+// Whether a system call failed because this process, or the whole system, has too many open files.
 bool IsOutOfFiles(int code);
-// Whether it is so now, or nearly: for libraries that do not say why they cannot open a file, and
-// have closed again what they had opened.
+// Whether the limit of open files is reached, or nearly. For libraries that do not report why they
+// cannot open a file, and have closed other files again.
 bool FilesAreUsedUp();
 // Throws kUnavailable "too_many_open_files". `doing` begins the sentence: "cannot open x".
 [[noreturn]] void ThrowOutOfFiles(const std::string& doing);
 
-// Throws the Error for `errno`: kNoSpace "write_failed" when there is no room (on the disk, in a
-// quota, under a limit of size), kReadOnly "permission_denied" or "read_only_file_system",
-// kUnavailable "too_many_open_files", else
-// kInternal "io_error". `doing` begins the sentence: "cannot make".
+// Throws the Error for `errno`: kNoSpace "write_failed" if there is no space (disk, quota or file
+// size limit), kReadOnly "permission_denied" or "read_only_file_system", kUnavailable
+// "too_many_open_files", else kInternal "io_error". `doing` begins the sentence: "cannot make".
 [[noreturn]] void ThrowErrno(const std::string& doing, const std::filesystem::path& path);
 
 // fsync of a file or, with O_DIRECTORY among `flags`, of a directory's entries.

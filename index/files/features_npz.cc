@@ -34,7 +34,7 @@ void Put(std::string& out, std::uint64_t value, int bytes) {
 }
 
 std::uint32_t Crc(std::uint32_t before, std::string_view bytes) {
-  if (bytes.empty()) return before;  // zlib begins anew where it is given no place
+  if (bytes.empty()) return before;  // zlib returns the initial value for a null pointer
   return static_cast<std::uint32_t>(
       crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }

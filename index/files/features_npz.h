@@ -16,33 +16,33 @@
 namespace pliant {
 
 // NumPy's .npz: a zip archive (stored, not compressed) of .npy files of version 1.0, for
-// numpy.load. Its arrays are filled a piece at a time, several at once, in a file that can be
-// written anywhere, so that none is in memory. Above 4 GiB it is of the kind ZIP64.
+// numpy.load. Several arrays can be filled in turn, piece by piece. The file is written at any
+// offset, so that no array is in memory. Files above 4 GiB are ZIP64.
 class NpzArchive {
  public:
-  // Puts bytes at a place of the file; every place is written once, in any order.
+  // Writes bytes at an offset of the file. Every byte is written once, in any order.
   using Write = std::function<void(std::uint64_t offset, std::string_view bytes)>;
 
   explicit NpzArchive(Write write) : write_(std::move(write)) {}
 
-  // An array that is to come: its name (letters and digits), NumPy's type ("<f4", "|u1", "<i8",
-  // "<U8") and its shape (none = a single value). All of them before the first Append. Returns what
-  // Append calls it.
+  // Declares an array: its name (letters and digits), NumPy's type ("<f4", "|u1", "<i8", "<U8") and
+  // its shape (empty = a single value). Declare all arrays before the first Append. Returns the
+  // array's number for Append.
   std::size_t Declare(std::string_view name, std::string_view dtype,
                       std::span<const std::int64_t> shape);
 
-  // Of the whole file, once all are declared.
+  // Size of the whole file, after all arrays are declared.
   std::uint64_t bytes();
 
   // The next values of an array, little-endian and row-major.
   void Append(std::size_t array, std::string_view values);
-  // A value of type "<Un", n = `length`; what is no UTF-8 becomes U+FFFD. NumPy has no text of
+  // A value of type "<Un", n = `length`. Invalid UTF-8 is replaced by U+FFFD. NumPy has no text of
   // length 0: a type needs 1.
   void AppendText(std::size_t array, std::string_view text, std::size_t length);
   static std::size_t TextLength(std::string_view text);
 
-  // After all values: the rest of the file. Throws kInternal "archive_incomplete" if some are
-  // missing.
+  // Call it after all values: writes the rest of the file. Throws kInternal "archive_incomplete" if
+  // some are missing.
   void Finish();
 
  private:
@@ -52,7 +52,7 @@ class NpzArchive {
     std::uint64_t size = 0;     // with the header
     std::uint64_t offset = 0;   // of its head in the archive
     std::uint64_t begin = 0;    // of its content
-    std::uint64_t written = 0;  // of its content, but for what waits
+    std::uint64_t written = 0;  // of its content, without buffered bytes
     std::uint32_t crc = 0;      // of what was appended
     std::string waiting;
   };
@@ -74,11 +74,11 @@ class NpzArchive {
 // N x 6, row-major.
 std::vector<float> KeypointRows(const Features& features);
 
-// The whole file of one image, with the single values `width` and `height` (int64), pixels of the
-// upright image, beside.
+// The whole file of one image, with the additional values `width` and `height` (int64), in pixels
+// of the upright image.
 std::string FeaturesNpz(const Features& features);
 
-// What the arrays of several images will be.
+// The sizes of the arrays of several images.
 struct FeatureTotals {
   std::int64_t images = 0;
   std::int64_t rows = 0;
@@ -99,7 +99,7 @@ class FeaturesArchive {
   FeaturesArchive(const FeatureTotals& totals, NpzArchive::Write write);
 
   std::uint64_t bytes() { return archive_.bytes(); }  // of the whole file
-  // In all as many as the totals say, else kInternal "archive_incomplete".
+  // The number of images must equal the totals, otherwise kInternal "archive_incomplete".
   void Add(std::string_view name, std::string_view object, const Features& features);
   void Finish();
 

@@ -13,11 +13,12 @@
 namespace pliant {
 
 enum class ObjectFrom {
-  // kStem for a file that is given itself, and for what lies directly in a folder that is given
-  // alone; else kFolder.
+  // kStem for a file that is given itself, and for files directly in the only given folder;
+  // otherwise kFolder.
   kAuto,
-  // The way to the image's folder from the one that was given ("coat/front"), so that folders of
-  // one name in different places are different objects; what lies directly in it has its name.
+  // The path of the image's folder relative to the given one ("coat/front"), so that folders of the
+  // same name in different folders are different objects. Files directly in the given folder get
+  // its name.
   kFolder,
   kStem,  // file name without its extension
   kNone,
@@ -25,7 +26,7 @@ enum class ObjectFrom {
 
 struct ImageFile {
   std::filesystem::path path;
-  std::string object;  // valid UTF-8; bytes that are none are written as \xHH
+  std::string object;  // valid UTF-8; invalid bytes are written as \xHH
 };
 
 struct SkippedFile {
@@ -37,14 +38,14 @@ struct SkippedFile {
 struct ImageFiles {
   std::vector<ImageFile> images;
   std::vector<SkippedFile> skipped;  // folders that cannot be read
-  bool by_folder = false;            // some are named so
+  bool by_folder = false;            // some objects are named by their folder
   bool by_stem = false;
 };
 
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
-// every machine. Links to folders are followed, each folder is visited once. Hidden files and
-// folders are ignored, and so are files that have neither an image's name nor its content.
-// Throws kNotFound for an input that does not exist, kUnavailable "too_many_open_files".
+// every machine. Links to folders are followed; each folder is read once. Ignores hidden files and
+// folders, and files with neither the name nor the content of an image. Throws kNotFound for an
+// input that does not exist, kUnavailable "too_many_open_files".
 ImageFiles FindImages(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
 
 // Whether `path` is `directory` or below it. Both as fs::canonical gives them.
@@ -61,7 +62,7 @@ std::vector<std::uint8_t> ReadFile(const std::filesystem::path& path, std::int64
 // Whether an error affects only one image (unreadable, not an image, too few features), so that
 // the job can continue without it, rather than all (disk full, database busy, model mismatch).
 bool ConcernsOneImage(ErrorCode code);
-// The same, or its bytes are stored already as another object.
+// The same, or its bytes are already stored as another object.
 bool ConcernsOneImage(const Error& error);
 
 }  // namespace pliant

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What names and metadata may be.
+// Rules for names and metadata.
 #pragma once
 
 #include <string>

@@ -44,7 +44,7 @@ FileHandle Open(const fs::path& path) {
 void RemoveAbandoned(const fs::path& database) {
   const std::string begin = database.filename().string() + kInfix;
   std::vector<fs::path> found;
-  std::error_code ignored;  // whoever cannot list leaves things as they are
+  std::error_code ignored;  // without permission to list, nothing changes
   for (const fs::directory_entry& entry : fs::directory_iterator(database.parent_path(), ignored)) {
     const std::string name = entry.path().filename().string();
     if (name.starts_with(begin) && IsId(name.substr(begin.size()))) found.push_back(entry.path());

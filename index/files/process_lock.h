@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Whether another process that works on a database still lives. Private to index/.
+// Tells whether another process that uses a database still lives. Private to index/.
 #pragma once
 
 #include <filesystem>
@@ -11,10 +11,9 @@
 namespace pliant {
 
 // An empty file beside the database, `NAME.server-ID`, that a process holds locked (flock) while it
-// lives. The system ends the lock with the process, however that ends, so others need no clocks to
-// tell, and see it through the borders of containers. Links to the database lead to one file.
-// Removed by the destructor; one that a killed process left is removed by the next lock on that
-// database.
+// lives. The system releases the lock when the process ends in any way. So others need no clock,
+// and it works across containers. Links to the database lead to the same file. Removed by the
+// destructor; one that a killed process left is removed by the next lock on that database.
 class ProcessLock {
  public:
   // Throws what ThrowErrno throws when the directory may not be written.
@@ -25,8 +24,9 @@ class ProcessLock {
 
   const std::string& id() const { return id_; }
 
-  // Whether the process with that id lives. One that cannot be asked counts as living, because what
-  // it does must not be done twice; so does one whose file is gone where this one's is gone, too.
+  // Whether the process with that id lives. If this is unknown, the process counts as living,
+  // because its work must not be done twice. It also counts as living if both its file and this
+  // process's file are missing.
   bool IsHeld(const std::string& id) const;
 
  private:

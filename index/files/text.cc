@@ -67,7 +67,7 @@ class DeceptionFinder {
     before_ = joiner || deceptive ? 0 : point;
     return deceptive;
   }
-  // An escape stands here in place of what is no text.
+  // An escape replaces invalid text here.
   void OnEscape() { before_ = 0; }
 
  private:

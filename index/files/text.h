@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Text from outside: what it is made of, how it is shown, and how it compares in any case.
-// Thread-safe.
+// Text from outside: checks, display, and comparison in any case. Thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +13,8 @@ namespace pliant {
 bool IsValidUtf8(std::string_view text);
 bool HasControlCharacter(std::string_view text);  // of ASCII
 
-// Whether valid UTF-8 has no characters that are invisible, change the direction of writing or are
-// control characters of eight bits: two texts that look the same are the same.
+// Whether valid UTF-8 has no invisible characters, no characters that change the writing direction
+// and no 8-bit control characters. Two such texts that look the same are the same.
 bool LooksAsItIs(std::string_view text);
 
 // Whether all are letters and digits of ASCII, or of `marks`.
@@ -34,11 +33,11 @@ std::string Shown(std::string_view name, std::size_t most_bytes = kMostShownByte
 std::string PercentEncode(std::string_view text, std::string_view kept);
 
 // The code points of UTF-8 in lower case, one for one ("ß" stays: it is not "ss"), by Unicode's
-// simple mappings; every byte that belongs to none becomes U+FFFD. Letters and accents that are
-// characters of their own stay so: what is written with combining marks differs.
+// simple mappings. Invalid bytes are replaced by U+FFFD. There is no normalisation: text with
+// combining marks differs from text with precomposed letters.
 std::u32string FoldCase(std::string_view text);
 
-// The words of `text`, folded, as white space parts them.
+// The words of `text`, folded, separated by white space.
 std::vector<std::u32string> FoldedWords(std::string_view text);
 
 // Whether each of the folded words occurs in one of the texts.

@@ -24,11 +24,11 @@ struct FolderImportOptions {
   // reasons are relative to it, so that they do not reveal its location. Empty = no such limit.
   std::filesystem::path root;
   std::stop_token stop;
-  // Each may be empty, and is called from any of the threads. `skipped` also gets the files that
-  // the search for images left out.
+  // Each can be empty, and is called from any of the threads. `skipped` also receives the files
+  // that the search for images skipped.
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;
   std::function<void(const SkippedFile&)> skipped;
-  // Instead of Engine::Add, for callers that share the cores or wait when the database is busy.
+  // Replaces Engine::Add, for callers that share the cores or wait while the database is busy.
   std::function<AddResult(const AddRequest&)> add;
 };
 
@@ -39,9 +39,9 @@ struct FolderImportResult {
   bool interrupted = false;          // stopped before the last one
 };
 
-// A fault of one image (unreadable, no image, too few features) skips it; a fault of all (disk
-// full, database busy or damaged, model mismatch) ends the import and is thrown. The images that
-// are counted as indexed are durable.
+// An error of one image (unreadable, not an image, too few features) skips it. An error that
+// concerns all (disk full, database busy or damaged, model mismatch) ends the import and is thrown.
+// Images counted as indexed are durable.
 FolderImportResult ImportImages(Engine& engine, const ImageFiles& files,
                                 const FolderImportOptions& options);
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// JSON out: what the command line prints and the server sends is made of these. Not a public
-// header: the library's own stay free of the JSON library.
+// JSON output of the command line and of the server. Not a public header: public headers do not
+// include the JSON library.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@ namespace pliant {
 // Keys keep the order in which they were written.
 using Json = nlohmann::ordered_json;
 
-// On one line. Text that came from outside may hold bytes that are not UTF-8; they are written as
-// U+FFFD, so that nothing is thrown.
+// On one line. Text from outside can contain invalid UTF-8; it is written as U+FFFD, so that
+// nothing is thrown.
 std::string ToText(const Json& json);
 
 // "2026-01-31T12:00:00.123Z"

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The JSON forms of what is stored: images, vocabularies, collections.
+// The JSON forms of records: images, vocabularies, collections.
 #pragma once
 
 #include <string>
@@ -30,7 +30,7 @@ Json ListedObjectJson(const ListedObject& object);
 // By key: {"values": [{"value", "count"}], "without", "complete"}
 Json FacetsJson(const std::vector<Facet>& facets);
 
-// Metadata as stored, a JSON object in text; {} where it is none.
+// Metadata as stored, a JSON object in text; {} if it is not an object.
 Json MetadataJson(const std::string& metadata);
 
 }  // namespace pliant

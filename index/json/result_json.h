@@ -14,16 +14,15 @@
 
 namespace pliant {
 
-// {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total",
-// "verdict": "found", "undecided", "not_found" or null, "found": number or null, "hits": [{"rank",
-// "object", "score", "probability": number or null, "image_id", "inliers", "polygon", "instances":
-// [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An object that is not named is null;
-// the polygon is a list of [x, y] or null. A hit with an explanation has "explain" too:
+// {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total", "verdict":
+// "found", "undecided", "not_found" or null, "found": number or null, "hits": [{"rank", "object",
+// "score", "probability": number or null, "image_id", "inliers", "polygon", "instances":
+// [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An object without a name is null; the
+// polygon is a list of [x, y] or null. A hit with an explanation has "explain" too:
 // {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction",
 // "independent_inliers", "colour_difference": number or null, "pairs": [[query x, query y,
 // reference x, reference y], ...], "reference": {"width", "height"} or null, "mesh": MeshJson's or
-// null}.
-// Of a search by several examples "query" is null, every hit has "example", and beside is
+// null}. In a search by several examples "query" is null, every hit has "example", and there is
 // "examples": [{"image_id", "keypoints", "width", "height"}].
 Json SearchResultJson(const SearchResult& result, double took_ms);
 

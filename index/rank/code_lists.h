@@ -17,8 +17,8 @@
 
 namespace pliant {
 
-// Immutable. Within a word codes come in order of the image. Images lie on pages of 256, so
-// that a code's image takes one byte.
+// Immutable. Within a word codes come in order of the image. Images form pages of 256, so that a
+// code's image takes one byte.
 class CodeLists {
  public:
   static constexpr std::uint32_t kGone = std::numeric_limits<std::uint32_t>::max();
@@ -35,11 +35,11 @@ class CodeLists {
 
   std::size_t vocabulary_size() const { return (offsets_.size() - 1) / pages_; }
   CodeList List(std::uint32_t word) const;
-  // The number of the list's first code, of all codes.
+  // The number of the list's first code among all codes.
   std::size_t First(std::uint32_t word) const { return offsets_[word * pages_]; }
   // Of the i-th code of the list; ascending.
   std::uint32_t Image(std::uint32_t word, std::size_t i) const;
-  // Visits each image that has the word, ascending, with how often it has it.
+  // Calls `visit` for each image with the word, ascending, and its number of occurrences.
   template <typename Visit>  // void(std::size_t image, std::size_t count)
   void ForEachCount(std::uint32_t word, Visit&& visit) const {
     for (std::size_t page = 0; page < pages_; ++page) {
@@ -68,7 +68,7 @@ class CodeLists {
   }
   // Words must come in ascending order, each once; entries ascending by image.
   void AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes);
-  void Finish();  // once all words are there
+  void Finish();  // after all words
 
   std::size_t bytes_ = 0;  // per code
   std::size_t pages_ = 1;

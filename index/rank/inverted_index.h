@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index in memory: immutable segments, merged as they grow (a log-structured merge
 // tree: an image is copied about log_8 N times), tombstones for removed images, and snapshots that
-// searches keep while one writer makes the next. Private to index/.
+// searches use while one writer makes the next. Private to index/.
 #pragma once
 
 #include <cstdint>
@@ -95,8 +95,8 @@ class InvertedIndex {
   // publishes ONE new snapshot. The cost depends on the size of the change, not of the index,
   // except for occasional merges.
   void Apply(std::vector<IndexedImage> added, std::span<const std::int64_t> removed);
-  // Adds images that the next Apply publishes together with its own: a change of any size is one
-  // snapshot without being in memory as one list.
+  // Adds images that the next Apply publishes with its own. So a change of any size is one
+  // snapshot, without one list of it in memory.
   void Stage(std::vector<IndexedImage> added);
   // False from Stage, or from an Apply that an exception ended, to the end of the next Apply.
   bool is_whole() const { return !is_changing_; }
@@ -112,7 +112,7 @@ class InvertedIndex {
   const std::shared_ptr<const Quantizer> quantizer_;
   mutable std::mutex mutex_;  // guards snapshot_
   std::shared_ptr<const IndexSnapshot> snapshot_;
-  std::shared_ptr<IndexSnapshot> staged_;  // nullptr: nothing is
+  std::shared_ptr<IndexSnapshot> staged_;  // nullptr: nothing is staged
   bool is_changing_ = false;
 };
 

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The ranker in memory: an inverted index for each collection, which follows the store's change
-// feed, whether this process or another one wrote the changes.
+// The ranker in memory: an inverted index per collection, which follows the store's change feed.
+// The feed has the changes of all processes.
 //
-// Searches wait only for each other's poll of the feed and for small changes. Long work (loading a
-// collection whose vocabulary was switched, or whose changes the store has forgotten) is done
-// aside, by one thread. Meanwhile others use the previous state (removals are applied to it, too)
-// or, if there is none, wait.
+// Searches wait only for each other's poll of the feed and for small changes. One thread does long
+// work in the background: loading a collection after a switch of its vocabulary, or whose changes
+// the store has forgotten. Meanwhile others use the previous state, to which removals are applied
+// too. Without a previous state they wait.
 #pragma once
 
 #include <atomic>
@@ -29,8 +29,7 @@ namespace pliant {
 // Thread-safe. Throws what a database throws.
 class MemoryRanker {
  public:
-  // During the first load, `loading` is called with the share of the images in memory; may be
-  // empty.
+  // During the first load, calls `loading` with the share of the images in memory. It can be empty.
   explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
 
   // The present state: with all writes of this process and, unless a collection is just being
@@ -46,8 +45,8 @@ class MemoryRanker {
   // Call it after each commit of this process, before its writer returns: later views show the
   // commit. Does nothing before the first load.
   void Follow();
-  // Loads what a switch to this vocabulary needs, so that the switch itself takes no time. Kept as
-  // long as the result is.
+  // Preloads the data for a switch to this vocabulary, so that the switch itself takes no time.
+  // Kept as long as the result.
   [[nodiscard]] std::shared_ptr<const void> Prepare(Key collection, Key vocabulary);
 
   std::size_t memory_bytes() const;
@@ -57,7 +56,7 @@ class MemoryRanker {
   std::vector<std::string> Check();
 
  private:
-  // Words of one collection in one vocabulary, as they were at a position of the feed.
+  // Words of one collection in one vocabulary, at a position of the feed.
   struct Loaded {
     Key collection = 0;
     Key vocabulary = 0;  // 0 = none: nothing to load
@@ -67,9 +66,9 @@ class MemoryRanker {
   };
   struct Entry {
     Key collection = 0;
-    Key vocabulary = 0;           // that is active in the store
-    std::optional<Loaded> shown;  // what searches see; absent before the first load
-    bool loading = false;         // by one thread, aside
+    Key vocabulary = 0;           // the active one in the store
+    std::optional<Loaded> shown;  // used by searches; absent before the first load
+    bool loading = false;         // by one thread, in the background
 
     bool is_current() const { return shown && shown->vocabulary == vocabulary; }
   };
@@ -82,17 +81,17 @@ class MemoryRanker {
   // False: the store has forgotten some removals.
   static bool BringUpToDate(Loaded& loaded, FeedView& view);
   std::optional<Loaded> TakePrepared(Key collection, Key vocabulary);
-  void LoadEntry(const std::string& name, Lock& lock);  // gives the lock back while it loads
+  void LoadEntry(const std::string& name, Lock& lock);  // releases the lock while it loads
   void LoadAll(Lock& lock);
   static CollectionView ViewOf(const Entry& entry);
 
-  // Without it.
+  // Without mutex_.
   Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
   void Progress(std::size_t images);
 
   const std::unique_ptr<ChangeFeed> feed_;
 
-  mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are followed
+  mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are applied
   std::condition_variable changed_;  // an entry is no longer loading
   std::map<std::string, Entry> entries_;
   std::atomic<std::int64_t> followed_ = 0;

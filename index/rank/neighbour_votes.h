@@ -10,9 +10,9 @@
 // words, a second measure of the usual distance: a descriptor can be a word itself (or several)
 // because it is stored many times or the collection is small. The weight is relative, as in local
 // naive Bayes nearest neighbour (McCann and Lowe, CVPR 2012), with a |q - w|^2 instead of the
-// distance to the second nearest class: much of a photograph resembles everything, and only
-// descriptors nearer than usual, that is than the word, are evidence. Distances are estimated from
-// codes (vocab/residual_codes.h).
+// distance to the second nearest class. Much of a photograph resembles everything: only descriptors
+// nearer than usual (than the word) are evidence. Distances are estimated from codes
+// (vocab/residual_codes.h).
 //
 // Votes are then weighted:
 //  - by the query descriptor's own weight (Voters);
@@ -40,7 +40,7 @@ struct Voters {
 };
 
 struct NeighbourOptions {
-  int cells = 16;      // nearest words whose lists are scanned for a query descriptor
+  int cells = 16;      // nearest words whose lists each query descriptor scans
   float reach = 0.7F;  // a
   int threads = 1;     // 0 = all cores
   float least = 0.3F;  // b
@@ -49,14 +49,15 @@ struct NeighbourOptions {
 struct Vote {
   std::uint32_t row = 0;    // of the query
   std::uint32_t image = 0;  // position in the lists' segment
-  std::uint64_t code = 0;   // which of the lists' codes
+  std::uint64_t code = 0;   // number of the code in the lists
   float weight = 0;
 };
 
-// A query's descriptors, ready to be compared with any number of lists. Immutable and thread-safe.
+// A query's descriptors, prepared for comparison with any number of lists. Immutable and
+// thread-safe.
 class NeighbourQuery {
  public:
-  // The quantizer must have a coder. What `voters` refers to must outlive it.
+  // The quantizer must have a coder. The data in `voters` must outlive it.
   NeighbourQuery(const Quantizer& quantizer, const Voters& voters, const NeighbourOptions& options);
 
   // Appends the votes for the lists' living images, in no order, perhaps several of a row for one

@@ -23,8 +23,7 @@
 
 namespace pliant {
 
-// One collection as a search sees it, from its beginning to its end. Immutable; everything in it
-// belongs together.
+// One collection as seen by one search from begin to end. Immutable and consistent.
 struct CollectionView {
   Key collection = 0;
   Key vocabulary = 0;                             // 0 = none is active
@@ -46,10 +45,10 @@ struct RankOptions {
   double min_score = 0;  // lower scores are no hits
   Admission admission;   // which images count at all; from Catalogue::Admit
   int threads = 1;       // at most; 0 = all cores
-  // The best images, this many, become candidates for verification: by image, independent of score
-  // and object, since verification may lift any of them.
+  // Number of candidates for verification: the best images, independent of score and object, since
+  // verification can raise any of them.
   std::size_t candidates = 0;
-  // Further images, by version, ascending, that become candidates if they are hits at all.
+  // Further candidates, if they are hits: versions, ascending.
   std::vector<std::int64_t> also = {};
 };
 
@@ -62,18 +61,18 @@ struct RankedImage {
 // Each list has the highest score first; of equal scores the lower id.
 struct Ranking {
   std::vector<RankedImage> candidates;
-  // The hits that are no candidates, all after them. Grouped by object: the best image of each
-  // object stands for it (its score is the object's), an image without object for itself, and
-  // objects that a candidate shows are left out.
+  // The other hits, which rank after all candidates. Grouped by object: each object is represented
+  // by its best image, with that image's score. An image without object represents itself. Objects
+  // of candidates are omitted.
   std::vector<RankedImage> best;
-  std::size_t total = 0;  // of these hits, before `keep` cut them off
+  std::size_t total = 0;  // number of these hits, before the limit `keep`
 };
 
 // The query's votes for the images of each part, by row, then by image.
 std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
                                             const IndexSnapshot& snapshot, int threads);
 
-// Only what is returned is sorted: O(postings + images), and n log n for the n that are returned.
+// Sorts only the returned images: O(postings + images), and n log n for the n returned.
 // RankedImage::ref has no collection: a snapshot does not know it.
 Ranking RankByHistogram(const IndexSnapshot& snapshot, const Bow& query,
                         const RankOptions& options);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Why an image is a hit, or was not confirmed as one. Plain values.
+// Why verification confirmed a hit or did not. Plain values.
 #pragma once
 
 #include <optional>
@@ -21,8 +21,8 @@ struct Mesh {
   int reference_width = 0;  // of the original upright reference image, in pixels
   int reference_height = 0;
   std::vector<Vec2> points;  // rows x columns, row-major; pixels of the original query image
-  // rows x columns: whether the map can be believed there. Where it was not seen a spline
-  // extrapolates: a point is out when the map mirrors there or its scale is far from the median.
+  // rows x columns: whether the map is reliable there. A spline extrapolates to unseen parts. A
+  // point is not trusted if the map mirrors there or its scale is far from the median.
   std::vector<bool> trusted;
 
   Vec2 reference_point(int column, int row) const {
@@ -37,19 +37,19 @@ struct PointPair {
 };
 
 struct Explanation {
-  double ranking_score = 0;  // by words alone, before verification lifted it
+  double ranking_score = 0;  // of the ranking, before verification raised it
   bool verified = false;
-  std::string failure;             // a sentence that says why not; empty when verified
+  std::string failure;             // the reason, a sentence; empty when verified
   int matches = 0;                 // tentative: mutual nearest neighbours within the ratio
   double inlier_fraction = 0;      // of the matches
-  double independent_inliers = 0;  // the inliers, each divided by how many lie in its place
-  // Mean difference of the colours of what is seen (CIELAB's a* and b*), but for the light's;
-  // nothing where one of the images is grey or was indexed without colours, where too little is
-  // seen, or nothing agrees.
+  double independent_inliers = 0;  // effective inlier count (EffectiveInliers)
+  // Mean colour difference of the visible part (CIELAB's a* and b*), corrected for the light.
+  // Absent if one of the images is grey or was indexed without colours, if too little is visible,
+  // or without inliers.
   std::optional<double> colour_difference;
-  std::vector<PointPair> inliers;  // the matches that agree with the warp
+  std::vector<PointPair> inliers;  // the matches that fit the warp
   std::optional<Mesh> mesh;        // the warp, hit's image -> query image; when verified
-  int reference_width = 0;         // of the hit's original upright image; 0 = not looked at
+  int reference_width = 0;         // of the hit's original upright image; 0 = not verified
   int reference_height = 0;
 };
 

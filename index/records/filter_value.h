@@ -11,7 +11,7 @@
 
 namespace pliant {
 
-// Nothing for a list or an object.
+// nullopt for a list or an object.
 inline std::optional<FilterValue> FilterValueOf(const nlohmann::json& json) {
   if (json.is_null()) return FilterValue(std::monostate{});
   if (json.is_boolean()) return FilterValue(json.get<bool>());

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// How a store names what it keeps, what a ranker knows of an image, and which images a search
-// may answer with. Plain values.
+// Identifiers of stored records, a ranker's data of an image, and the images that a search admits.
+// Plain values.
 #pragma once
 
 #include <algorithm>
@@ -19,16 +19,16 @@ namespace pliant {
 // Of a collection, an object or a vocabulary; 0 = none.
 using Key = std::int64_t;
 
-// One state of one image. An image that is replaced keeps collection and id and gets a greater
-// version; no two states of any images of a store share a version.
+// One state of one image. A replaced image keeps its collection and id and gets a greater version.
+// A version identifies one state of one image in a store.
 struct ImageRef {
   Key collection = 0;
   std::string id;
-  std::int64_t version = 0;  // 0 = the present one, whichever that is
+  std::int64_t version = 0;  // 0 = the present one
 };
 
-// What a ranker knows of an image. Whatever else a ranker needs of an image comes here, beside
-// the words (codes of descriptors, for example): the change feed fills it, segments keep it.
+// A ranker's data of an image, except its words and codes. The change feed fills it, and segments
+// keep it.
 struct IndexedImage {
   std::int64_t key = 0;     // ImageRef::version: unique, never used twice
   std::int64_t object = 0;  // 0 = no object
@@ -36,17 +36,17 @@ struct IndexedImage {
   Bow bow;
 };
 
-// Which images of a collection a search may answer with. Data, not a function, so that it can
-// travel to a ranker in another process.
+// The images of a collection that a search admits. Data, not a function, so that it can be sent to
+// a ranker in another process.
 struct Admission {
-  // What was asked for.
+  // As requested.
   std::optional<std::string> object;  // only its images; "" = images without an object
   Filter filter;                      // on metadata
-  std::vector<std::string> without;   // ids of images that are left out
+  std::vector<std::string> without;   // ids of excluded images
 
-  // What that comes to in the store, for rankers that hold keys alone (Catalogue::Admit).
-  bool nothing = false;                                       // there is no such object
-  std::optional<Key> object_key;                              // 0 = images without an object
+  // The same as keys of the store, for rankers that only have keys (Catalogue::Admit).
+  bool nothing = false;           // no such object exists: admits no image
+  std::optional<Key> object_key;  // 0 = images without an object
   std::shared_ptr<const std::vector<std::int64_t>> versions;  // ascending; nullptr = all
   std::vector<std::int64_t> without_versions;                 // ascending
 

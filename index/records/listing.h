@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Lists of images and objects, a page at a time: what is listed, in which order, and what is
-// counted beside. Plain values.
+// Lists of images and objects, page by page: selection, order and counts. Plain values.
 #pragma once
 
 #include <cstddef>
@@ -17,15 +16,15 @@ namespace pliant {
 
 inline constexpr std::size_t kMaxTextBytes = 512;  // of Selection::text
 inline constexpr std::size_t kMaxFacets = 16;
-inline constexpr std::size_t kFacetValues = 100;  // of one key that are listed
+inline constexpr std::size_t kFacetValues = 100;  // listed values of one key
 
-// Which images of a collection. Of objects: those with such an image.
+// Selects images of a collection. For objects: those with at least one selected image.
 struct Selection {
   std::string collection = kDefaultCollection;
   std::optional<std::string> object;  // its images; "": images without an object
-  Filter filter;                      // whose metadata pass
-  // Words with spaces between: each must occur in the id, the object or the source (of objects: in
-  // the name), whatever its case (FoldCase of index/files/text.h). Empty: all.
+  Filter filter;                      // metadata must pass
+  // Words separated by spaces. Each must occur in the id, the object or the source (for objects: in
+  // the name), in any case (FoldCase of index/files/text.h). Empty: all.
   std::string text;
 
   bool all() const { return !object && filter.empty() && text.empty(); }
@@ -34,8 +33,8 @@ struct Selection {
 enum class ImageOrder { kId, kCreated, kUpdated, kObject, kSource };
 enum class ObjectOrder { kName, kCreated, kUpdated, kImages };
 
-// Of a key of the metadata: how many of what is listed have which value. A list counts once for
-// each of its values; values that are lists or objects themselves are left out.
+// Counts the values of one metadata key over the whole list. A list counts once for each of its
+// values. Values that are lists or objects are omitted.
 struct Facet {
   struct Value {
     FilterValue value;
@@ -43,14 +42,14 @@ struct Facet {
   };
   std::string key;
   std::vector<Value> values;  // the most frequent, at most kFacetValues
-  std::uint64_t without = 0;  // how many do not have the key
-  bool complete = true;       // false: there are values that are not listed
+  std::uint64_t without = 0;  // number without the key
+  bool complete = true;       // false: some values are not listed
 };
 
-// What a page of any list is asked for.
+// The options of a page of any list.
 struct PageOptions {
   bool descending = false;
-  std::string after;   // ListPage::next of the page before, of the same selection and order
+  std::string after;   // ListPage::next of the last page, of the same selection and order
   int limit = 100;     // 1..1000
   bool count = false;  // fill ListPage::total
   std::vector<std::string> facets;  // keys of the metadata; at most kMaxFacets
@@ -66,8 +65,8 @@ struct ObjectListing : PageOptions {
   ObjectOrder order = ObjectOrder::kName;  // ties by name
 };
 
-// All of a page is one state of the collection. What is changed between two pages can be on both,
-// or on none, if its place in the order changed; nothing else is left out or twice.
+// A page shows one state of the collection. A record whose position changes between two pages can
+// be on both or on neither. Every other record is on exactly one page.
 template <typename Record>
 struct ListPage {
   std::vector<Record> records;
@@ -78,18 +77,18 @@ struct ListPage {
 
 using ImagePage = ListPage<ImageRecord>;
 
-// An object as lists show it.
+// An object in a list.
 struct ListedObject {
   ObjectRecord record;
   std::string image_id;         // its first image by id
   std::int64_t created_ms = 0;  // when its oldest image was added
-  std::int64_t updated_ms = 0;  // when one of its images was added or changed last
+  std::int64_t updated_ms = 0;  // when one of its images was last added or changed
 };
 
 using ObjectPage = ListPage<ListedObject>;
 
 // Throw kInvalidArgument: "limit_invalid", "filter_invalid", "text_invalid" (too long, not UTF-8),
-// "facets_invalid" (too many, or one twice).
+// "facets_invalid" (too many, or a key twice).
 void CheckSelection(const Selection& which);
 void CheckListing(const Selection& which, const PageOptions& page);
 

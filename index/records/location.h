@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where one object is in one image. Plain values; index/verify/locate.h works them out.
+// Where one object is in one image. Plain values, computed by index/verify/locate.h.
 #pragma once
 
 #include <cstdint>
@@ -17,16 +17,16 @@ struct MatchedPair {
   std::uint32_t reference = 0;
 };
 
-// Why an object counts as lost.
+// Why an object is lost.
 enum class LostReason {
   kNone,          // it is found
-  kFewKeypoints,  // the image has hardly any
-  kFewMatches,    // too few descriptors found a partner
-  kNoAgreement,   // the matches agree on no smooth warp
-  kDegenerate,    // those that agree lie on a line
-  kFolded,        // the warp folds over, or tears, where it should hold
-  kFewInliers,    // so few agree that it may be chance
-  kSmallPatch,    // all that agree lie in one small spot of the object
+  kFewKeypoints,  // the image has too few
+  kFewMatches,    // too few descriptors have a match
+  kNoAgreement,   // the matches fit no smooth warp
+  kDegenerate,    // the inliers lie on a line
+  kFolded,        // the warp folds over or tears near the inliers
+  kFewInliers,    // the few inliers can be chance
+  kSmallPatch,    // all inliers lie in one small part of the object
 };
 
 struct Location {
@@ -34,8 +34,8 @@ struct Location {
   LostReason reason = LostReason::kFewKeypoints;
   int keypoints = 0;                 // of the image
   int matches = 0;                   // mutual nearest neighbours within the ratio
-  std::vector<MatchedPair> inliers;  // what RANSAC says, also when the object counts as lost
-  // The rest only when found. The warp maps pixels of the object's own image.
+  std::vector<MatchedPair> inliers;  // of RANSAC, also if the object is lost
+  // The other fields: only if found. The warp maps pixels of the object's own image.
   std::optional<ThinPlateSpline> warp;
   std::vector<Vec2> outline;  // in the image, in order, not closed
   std::optional<Mesh> mesh;

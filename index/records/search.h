@@ -18,8 +18,8 @@ namespace pliant {
 inline constexpr const char* kDefaultCollection = "default";
 
 enum class RankMethod {
-  // Votes of the query's descriptors for images with descriptors near them: 1 = a copy that is
-  // like nothing else, 0 = nothing nearer than usual.
+  // Votes of the query's descriptors for images with similar descriptors: 1 = a copy that resembles
+  // no other image, 0 = nothing nearer than usual.
   kNeighbours,
   kHistogram,  // the paper's: normalised word frequencies, 1 - Euclidean distance / sqrt(2)
 };
@@ -39,7 +39,7 @@ inline constexpr int kMostExpansions = 20;
 inline constexpr std::size_t kMaxExcluded = 1000;
 inline constexpr std::size_t kMaxExamples = 16;
 
-// A hit that is at least so probable is said to be found.
+// A hit with at least this probability counts as found.
 inline constexpr double kFoundProbability = 0.9;
 
 struct SearchOptions {
@@ -48,64 +48,64 @@ struct SearchOptions {
   std::size_t offset = 0;
   RankMethod rank = RankMethod::kNeighbours;
   GroupBy group_by = GroupBy::kObject;
-  // kTps: the best images must agree with the query on one smooth warp; inliers lift their scores
-  // (index/verify/verification.h, LiftScore), so the order changes but no score falls.
+  // kTps: the query and each of the best images must fit one smooth warp. Inliers raise an image's
+  // score (index/verify/verification.h, LiftScore): the order changes, but no score falls.
   Verification verify = Verification::kAuto;
-  // Images verified. 0 = 30, and more until it is twice as far down the ranking as the last that
-  // agrees, up to 100 or sqrt(images) where that is more; twice that where none agrees.
+  // Number of verified images. 0 = adaptive: at least 30, and twice the rank of the last image with
+  // strong evidence, but at most 100 or sqrt(images), whichever is more. Twice that if none has
+  // strong evidence.
   std::size_t verify_depth = 0;
-  // Query expansion (index/verify/expansion.h), only with verification: the region of the object in
-  // this many of the best verified images is used as a further query, and images that agree
-  // with them rise. 0 to kMostExpansions. Absent: 3 by image, 0 by object, where further images
-  // of an object that was found add nothing.
+  // Query expansion (index/verify/expansion.h), only with verification. The object's region in this
+  // many of the best verified images is a further query, and raises images that match it. 0 to
+  // kMostExpansions. Absent: 3 by image; 0 by object, where further images of a found object add
+  // nothing.
   std::optional<int> expand;
-  int max_instances = 4;  // of one object in the query image that are looked for; at least 1
-  // Of Engine::Search, with probabilities: where nothing is found, a second pass at high resolution
-  // describes the query image once more (FeatureExtractor::ExtractSecondPass), and the answer is
-  // the one whose first hit has more evidence.
+  int max_instances = 4;  // of one object in the query image; at least 1
+  // For Engine::Search with probabilities. If nothing is found, a second pass describes the query
+  // image at high resolution (FeatureExtractor::ExtractSecondPass). The result is that of the pass
+  // whose first hit has more evidence.
   bool second_pass = true;
-  std::optional<Region> region;  // of the query, in pixels of the upright original: only this part
+  std::optional<Region> region;  // only this part of the query, in pixels of the upright original
   double min_score = 0;
   std::optional<std::string> object;  // only images of this object
   Filter filter;                      // only images whose metadata pass
-  std::vector<std::string> without;   // ids of images that are left out; at most kMaxExcluded
+  std::vector<std::string> without;   // ids of excluded images; at most kMaxExcluded
   bool explain = false;               // fill Hit::explanation
-  int threads = 0;                    // for the description of the query; 0 = all cores
+  int threads = 0;                    // to describe the query; 0 = all cores
 };
 
-// One place in the query image where the object is.
+// One instance of the object in the query image.
 struct Instance {
   int inliers = 0;
-  double independent = 0;      // of these (index/verify/verification.h)
+  double independent = 0;      // effective inlier count (EffectiveInliers)
   std::vector<Point> polygon;  // outline in the query image
 };
 
 struct Hit {
-  std::size_t rank = 0;  // 1-based, counts from the first hit of all, not of the page
+  std::size_t rank = 0;  // 1-based, over all pages
   std::string object;
   std::string image_id;  // the best image of the object
-  std::string source;    // its file's name as given; may be empty
+  std::string source;    // its file name as given; can be empty
   double score = 0;      // 0..1, see RankMethod; when verified, LiftScore
-  // That the hit is right (index/verify/verification.h, Probability). Absent when the search does
-  // not verify, and for other rankings than kNeighbours.
+  // Probability that the hit is correct (index/verify/verification.h, Probability). Absent without
+  // verification, and for rankings other than kNeighbours.
   std::optional<double> probability;
   int inliers = 0;             // verified matches; 0 when not verified
   std::vector<Point> polygon;  // outline of the object in the query image; empty when unknown
-  // Where the object is, most inliers first; the first is `inliers` and `polygon` once more. Empty
-  // when not verified. More inliers in more places do not make the score higher.
+  // All instances of the object, most inliers first. The first repeats `inliers` and `polygon`.
+  // Empty if not verified. Further instances do not raise the score.
   std::vector<Instance> instances;
-  // The id of the intermediate hit found by query expansion (SearchOptions::expand): this image
-  // agrees with that one, which agrees with the query. Empty when its own words and inliers give at
-  // least as much evidence.
+  // Id of the intermediate hit of query expansion (SearchOptions::expand): this image matches that
+  // one, and that one matches the query. Empty if its own visual words and inliers give at least as
+  // much evidence.
   std::string via;
-  // Of a search by several examples: the one that this hit agrees with best, whose pixels all
-  // places are in.
+  // In a search by several examples: this hit's best example. All positions are in its pixels.
   std::string example;
   std::string metadata = "{}";
   std::optional<Explanation> explanation;  // with SearchOptions::explain
 };
 
-// A stored image that was searched with beside others.
+// A stored image as one of several queries.
 struct SearchExample {
   std::string image_id;
   std::uint32_t keypoints = 0;
@@ -118,26 +118,26 @@ struct SearchTimings {
   double quantize_ms = 0;
   double rank_ms = 0;
   double verify_ms = 0;
-  double database_ms = 0;  // reading the images that are verified or shown
+  double database_ms = 0;  // reading verified and returned images
 };
 
 struct SearchResult {
   std::vector<Hit> hits;
   std::size_t total = 0;  // number of hits, over all pages
-  // Of these, the hits with kFoundProbability or more: 0 = what the image shows is not in the
-  // collection, unless `undecided`. Absent where hits have no probability.
+  // Number of hits with kFoundProbability or more. 0 = the object is not in the collection, unless
+  // `undecided`. Absent if hits have no probability.
   std::optional<std::size_t> found;
-  // Nothing is found, as objects that are alike share a probability that would do for one.
+  // Nothing is found because similar objects share a probability that would be enough for one.
   bool undecided = false;
-  double evidence = 0;       // of the first hit of all, not of the page (VerifiedImage)
-  bool second_pass = false;  // SearchOptions::second_pass was made, whichever answer this is
-  RankMethod rank = RankMethod::kNeighbours;  // that was used
-  std::int64_t vocabulary = 0;                // id of the vocabulary that answered
+  double evidence = 0;       // of the first hit over all pages (VerifiedImage)
+  bool second_pass = false;  // a second pass was made; this can be either pass's result
+  RankMethod rank = RankMethod::kNeighbours;  // the method used
+  std::int64_t vocabulary = 0;                // id of the vocabulary used
   std::size_t words = 0;                      // its size
   std::uint32_t keypoints = 0;                // of the query, after the region
   int query_width = 0;                        // of the original upright query image, in pixels
   int query_height = 0;
-  std::vector<SearchExample> examples;  // of a search by several; then query_* are 0
+  std::vector<SearchExample> examples;  // of a search by several examples; then query_* are 0
   SearchTimings timings;
 };
 
@@ -151,12 +151,12 @@ struct ComparedImage {
 struct Comparison {
   ComparedImage first;
   ComparedImage second;
-  // As a search by the second explains a hit that is the first: the query is the second image,
-  // the reference the first. ranking_score is kNoResemblance: there is nothing to rank among.
+  // As in a search by the second image with the first as a hit: the second is the query, the first
+  // the reference. ranking_score is kNoResemblance, since nothing is ranked.
   Explanation explanation;
-  std::vector<Point> outline;  // of the first's object, in the second image; empty: unknown
-  // That both show the same object: what a search would say of a hit with these inliers that its
-  // ranking gives no reason for (index/verify/verification.h, Probability).
+  std::vector<Point> outline;  // of the first image's object, in the second image; empty = unknown
+  // Probability that both show the same object: that of a hit with these inliers and no support by
+  // the ranking (index/verify/verification.h, Probability).
   double probability = 0;
   ExtractionTimings timings;  // of both images
   double verify_ms = 0;

@@ -15,7 +15,7 @@
 
 namespace pliant {
 
-inline constexpr std::uint32_t kMaxDim = 1u << 14;  // of what a blob may claim
+inline constexpr std::uint32_t kMaxDim = 1u << 14;  // largest valid value in a blob
 
 // CRC-32 (IEEE 802.3, as in zlib and PNG), continued from `seed`.
 std::uint32_t Crc32(Bytes bytes, std::uint32_t seed = 0);
@@ -26,7 +26,7 @@ void PutValue(std::vector<std::uint8_t>& out, const T& value) {
   out.insert(out.end(), bytes, bytes + sizeof(T));
 }
 
-// How descriptors lie in a feature blob. The encoder chooses.
+// Layout of the descriptors in a feature blob. The encoder chooses it.
 enum class DescriptorEncoding : std::uint8_t {
   kBits = 0,        // binary descriptors, as they are
   kUint8 = 1,       // floats that are all whole numbers 0..255 (OpenCV's SIFT): lossless
@@ -36,22 +36,22 @@ enum class DescriptorEncoding : std::uint8_t {
 // Throws kInvalidArgument for descriptors that are not finite or do not fit the keypoints.
 std::vector<std::uint8_t> EncodeFeatures(const Features& features);
 
-// Throws kCorrupt when anything about the blob is wrong: magic, version, sizes, checksum. The
-// model id is kept beside the blob, not in it: it comes back empty.
+// Throws kCorrupt for any error in the blob: magic, version, sizes, checksum. The model id is
+// stored outside the blob: here it is empty.
 Features DecodeFeatures(Bytes blob);
 
-// `features` as they will be once stored and read again. Queries and new images are quantised in
-// this precision, so that an image gets the same words when it is asked for as when it was stored.
-// Throws what EncodeFeatures throws.
+// `features` as they are after storing and reading. Queries and new images are quantised in this
+// precision, so that an image has the same words as a query and as a stored image. Throws what
+// EncodeFeatures throws.
 Features InStoredPrecision(Features features);
 
-// Throws kInternal for a bag that is not in order or lacks a code for a descriptor.
+// Throws kInternal for a bag that is not sorted or lacks a descriptor's code.
 std::vector<std::uint8_t> EncodeBow(const Bow& bow);
 
 // Throws kCorrupt also for a word of `vocabulary_size` or more.
 Bow DecodeBow(Bytes blob, std::size_t vocabulary_size);
 
-// The words' codebook; DecodeCodebook throws kCorrupt for whatever does not fit `words`.
+// The words' codebook. DecodeCodebook throws kCorrupt if it does not fit `words`.
 std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook);
 Codebook DecodeCodebook(Bytes blob, const Descriptors& words);
 

@@ -30,12 +30,12 @@ class ColmapDatabase {
  public:
   virtual ~ColmapDatabase() = default;  // without Publish, no file is left
 
-  // The image's number, from 1. Its camera has COLMAP's model SIMPLE_RADIAL with the focal length
-  // that COLMAP assumes where it knows none, 1.2 times the longer side; it is refined there.
+  // Returns the image's number, from 1. Its camera has COLMAP's model SIMPLE_RADIAL and COLMAP's
+  // default focal length, 1.2 times the longer side, which COLMAP refines.
   virtual int AddImage(const ColmapImage& image) = 0;
-  // Once a pair; a pair without matches is stored, too: COLMAP then does not look for any itself.
+  // Once per pair. A pair without matches is stored too, so that COLMAP does not match it itself.
   virtual void AddMatches(int first, int second, std::span<const PointNumbers> matches) = 0;
-  // The file gets its name. Throws kConflict "file_exists" when there is one meanwhile.
+  // Gives the file its name. Throws kConflict "file_exists" if that exists by now.
   virtual void Publish() = 0;
 };
 

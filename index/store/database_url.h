@@ -10,12 +10,12 @@ namespace pliant {
 
 bool IsDatabaseUrl(std::string_view database);
 
-// Where a server puts what it needs for a moment: beside the database's file, and for a URL where
-// this system keeps temporary files.
+// The directory for a server's temporary files: that of the database's file; for a URL, the
+// system's.
 std::filesystem::path FolderOf(const std::filesystem::path& database);
 
 // Throws kInvalidArgument "database_unnamed" for an empty name and "database_file_needed" for a
-// URL. A file of such a name can be given as ./NAME.
+// URL. Write ./NAME for a file of such a name.
 void RequireDatabaseFile(const std::filesystem::path& path);
 
 }  // namespace pliant

@@ -15,27 +15,27 @@
 
 namespace pliant {
 
-// The facet of a key that `without` items do not have, from all its values and how many items have
-// each. `complete`: no value is missing among them.
+// The facet of a key from all its values and their numbers of items. `without`: items without the
+// key. `complete`: no value is missing.
 Facet MakeFacet(const std::string& key, const std::map<FilterValue, std::uint64_t>& counts,
                 std::uint64_t without, bool complete);
-// One form for each number: 1.0 is 1, as filters have it.
+// One form for each number: 1.0 is 1, as in filters.
 FilterValue CanonicalFacetValue(FilterValue value);
 
 class FacetCount {
  public:
-  // Of one key so many bytes of different values are kept; what comes later is not counted, and the
-  // facet is said to be incomplete.
+  // Limit of bytes of different values per key. Further values are not counted, and the facet is
+  // incomplete.
   static constexpr std::size_t kMaxBytes = 1024 * 1024;
 
   explicit FacetCount(const std::vector<std::string>& keys);
 
-  // What follows until the next call is of one item: of an object, the metadata of all its
-  // images. A value counts once an item.
+  // Begins an item; for an object, the metadata of all its images follow. A value counts once per
+  // item.
   void BeginItem();
   void Add(std::string_view metadata);  // the text of a JSON object
 
-  // The most frequent first; as frequent ones in the order of their kinds and values.
+  // The most frequent first; equally frequent ones in order of kind and value.
   std::vector<Facet> Result();
 
  private:

@@ -23,18 +23,18 @@ class Store {
   Store& operator=(const Store&) = delete;
 
   const StoredModel& model() const;
-  // Writes down how images are described, where that is not decided yet; what is written down
-  // then: another process may have been first.
+  // Stores how images are described, unless that is stored already. Returns the stored values:
+  // another process can have been first.
   ExtractionLimits SettleExtraction(const ExtractionLimits& limits);
-  // Where uploaded bytes go (EngineOptions::originals_dir); `claim`: may make the directory its
-  // own.
+  // Sets the location of uploaded bytes (EngineOptions::originals_dir). `claim`: can become the
+  // owner of the directory.
   void OpenOriginals(const std::optional<std::filesystem::path>& directory, bool claim);
-  // From here on `after_commit` runs after each commit of this process, before the writing call
-  // returns. Without it every writing call throws kReadOnly "read_only".
+  // Enables writing: `after_commit` runs after each commit of this process, before the writing call
+  // returns. Before this, every writing call throws kReadOnly "read_only".
   void BeginWriting(std::function<void()> after_commit);
-  // Calls `wake`, which must not throw, soon after another process has committed, in the thread
-  // that is returned; none where the database does not tell. Searches ask the feed all the same:
-  // this only saves them the work.
+  // Calls `wake`, which must not throw, soon after commits of other processes, in the returned
+  // thread. No thread if the database does not report commits. Searches still poll the feed: this
+  // only reduces their work.
   std::jthread FollowOthers(std::function<void()> wake);
 
   Catalogue& catalogue() { return catalogue_; }

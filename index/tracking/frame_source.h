@@ -36,7 +36,7 @@ class FrameSource {
   // nullopt after the last frame. Throws kUnprocessable "frames_vary".
   virtual std::optional<Frame> Next() = 0;
   const FrameSourceInfo& info() const { return info_; }
-  // Images that could not be decoded, so far.
+  // Images that could not be decoded so far.
   const std::vector<SkippedFile>& skipped() const { return skipped_; }
 
  protected:

@@ -42,7 +42,7 @@ std::vector<std::string> WordsOf(const Choices<Enum>& choices) {
 }
 
 // An option whose values are the words in `choices`; --help lists them. `values`: one, an optional
-// one, or a vector, for several separated by commas.
+// one, or a vector (several, comma-separated).
 template <typename Enum, typename Values>
 CLI::Option* AddChoice(CLI::App& app, const std::string& name, Values& values,
                        const std::string& help, const Choices<Enum>& choices) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where is this object in that image? Used by the tracker for every frame, and by the server: the
-// verification of retrieval, and a check whether its warp is plausible.
+// Locates an object in an image. The tracker uses this for every frame, the server for its
+// requests. Verification as in retrieval, then a check whether the warp is plausible.
 #pragma once
 
 #include "descriptor/features/features.h"
@@ -18,15 +18,15 @@ struct LocateOptions {
   // ransac.iterations is 1500, as in the paper (Potje et al. 2021, supplement: "Non-Rigid Object
   // Tracking"); ransac.regularization is the spline's.
   VerificationOptions verification;
-  int min_inliers = 8;  // between different objects up to seven match by chance
-  // Of the object's area that the inliers' convex hull must cover.
+  int min_inliers = 8;  // different objects have up to seven by chance
+  // Smallest share of the object's area inside the inliers' convex hull.
   double min_patch = 0.02;
-  // Share of the mesh near inliers that may mirror or tear (real folds do).
+  // Largest share of the mesh near inliers that mirrors or tears (real folds do).
   double max_folded = 0.15;
 };
 
-// `image` must be made from `image_features` with options.verification. Nothing found is no
-// error. Throws what Verifier::Verify throws. Thread-safe.
+// `image` must be made from `image_features` with options.verification. Not found is no error.
+// Throws what Verifier::Verify throws. Thread-safe.
 Location Locate(const Verifier& image, const Features& image_features, const Features& object,
                 const LocateOptions& options);
 

@@ -23,7 +23,8 @@ namespace pliant {
 // Objects that keep equally many matches, as copies under two names do, do not compete. Neither do
 // images without a name, nor those of the same object. An image supported through another one
 // (`via`) loses the same share of its probability as that one, and more if the two show different
-// objects. Sets `probability` of all images. `query`: what `images` were verified against.
+// objects. Sets `probability` of all images. `query`: the query against which `images` were
+// verified.
 void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images);
 
 }  // namespace pliant

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Is the object of a stored image really in the query image, however it is bent? Mutual nearest
-// neighbours that pass the ratio test must fit one smooth warp.
+// Verifies that the object of a stored image is in the query image, even if it is bent. Mutual
+// nearest neighbours that pass the ratio test must fit one smooth warp.
 #pragma once
 
 #include <cstddef>
@@ -20,28 +20,28 @@
 namespace pliant {
 
 struct VerificationOptions {
-  // Of a query descriptor's distances to its two nearest in the reference (Lowe 2004). The
-  // reference shows its object once, the query may show it several times.
+  // Largest ratio of a query descriptor's distances to its two nearest reference descriptors (Lowe
+  // 2004). The reference shows its object once; the query can show it several times.
   float max_ratio = 0.9F;
-  // How far a match may lie from where the warp puts it, as a share of the query image's longer
-  // side (0.01 of 640 pixels: 6.4 pixels).
+  // Largest distance of a match from its position by the warp, as a share of the query image's
+  // longer side (0.01 of 640 pixels: 6.4 pixels).
   double tolerance = 0.01;
-  // Where the query shows the reference small, a share of the reference's longer side, as the query
-  // shows it, is tolerated, if that is less; but at least a share of the longer side of the box
-  // around the query's keypoints, and a pixel.
+  // If the query shows the reference small, the tolerance is at most the first share of the
+  // reference's longer side as the query shows it. It is at least one pixel, and the second share
+  // of the longer side of the box around the query's keypoints.
   double reference_tolerance = 0.03;
   double least_tolerance = 0.004;
   TpsRansacOptions ransac = {};  // its tolerances are set from these
-  int max_instances = 1;         // of the object that are searched for in the query; at least 1
-  int threads = 1;               // for the matching of one pair; 0 = all cores
+  int max_instances = 1;         // of the object in the query; at least 1
+  int threads = 1;               // to match one pair; 0 = all cores
 };
 
-// The object at one place of the query image.
+// One instance of the object in the query image.
 struct FoundInstance {
   std::vector<MatchedPair> inliers;         // the matches that fit the warp
   std::vector<float> distances;             // of the inliers' descriptors
   double effective_inliers = 0;             // EffectiveInliers
-  std::optional<double> colour_difference;  // of the part that is seen (colour_difference.h)
+  std::optional<double> colour_difference;  // of the visible part (colour_difference.h)
   std::optional<ThinPlateSpline> warp;      // reference image -> query image, in pixels
   // Outline of the object in the query image, in order, not closed: the frame of the reference
   // image through the warp, or the convex hull of the inliers if the frame does not map sanely.
@@ -58,22 +58,22 @@ struct VerificationResult : FoundInstance {
   bool verified() const { return warp.has_value(); }
 };
 
-// A query that is verified against many candidates. Immutable and thread-safe: give each thread
-// candidates of its own, with options.threads 1. `query` must outlive it.
+// Verifies many candidates against one query. Immutable and thread-safe: for several threads, give
+// each its own candidates, with options.threads 1. `query` must outlive it.
 //
 // The object is first searched for among mutual nearest neighbours. Then, if more instances are
 // wanted, the remaining query keypoints (no inliers, outside the outlines found) are matched
-// without mutuality, since one point of the reference may be seen many times. A further instance
-// needs twice the inliers that the first does, and must show a part of the reference that an
-// earlier one shows: another part belongs to the same instance, bent beyond one smooth warp.
+// without mutuality, since the query can show one point of the reference many times. A further
+// instance needs twice the inliers of the first. It must show a part of the reference that an
+// earlier instance shows. Another part belongs to the same instance, bent beyond one smooth warp.
 class Verifier {
  public:
   // Throws kInvalidArgument for options out of range or descriptors that are malformed or not
   // finite.
   explicit Verifier(const Features& query, const VerificationOptions& options = {});
 
-  // Throws kConflict "model_mismatch" when the features come from different models, and what the
-  // constructor throws for the reference. Nothing found is no error. Deterministic for
+  // Throws kConflict "model_mismatch" if the features come from different models, and what the
+  // constructor throws for the reference. Not found is no error. Deterministic for
   // options.ransac.seed.
   VerificationResult Verify(const Features& reference) const;
 
@@ -97,45 +97,45 @@ class Verifier {
 Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep);
 
 // The effective inlier count (Schoenberger et al., "A Vote-and-Verify Strategy for Fast Spatial
-// Verification in Image Retrieval", ACCV 2016). Neighbouring inliers see the same detail, and are
-// right or wrong together: a part that two objects have in common (a map on every note of a
-// series), or an edge that matches by chance, has many of them in a small area. So each inlier
-// counts as 1 / n, n the inliers (itself included) within `query_radius` pixels of it in the query
-// or within `reference_radius` in the reference. Returns the sum, from 1 to `inliers.size()`.
+// Verification in Image Retrieval", ACCV 2016). Neighbouring inliers show the same detail and are
+// correct or wrong together. Many of them lie in a small area: a common part of two objects (a map
+// on every note of a series), or an edge that matches by chance. So each inlier counts 1 / n, where
+// n is the number of inliers (itself included) within `query_radius` pixels of it in the query or
+// within `reference_radius` in the reference. Returns the sum, from 1 to `inliers.size()`.
 double EffectiveInliers(const Features& query, const Features& reference,
                         const std::vector<MatchedPair>& inliers, double query_radius,
                         double reference_radius);
 
-// How many effective inliers a wrong image has by chance, with few exceptions: 4.5, and more for
-// queries with over 2048 keypoints, up to 6 with 4096: a second pass finds twice the matches, most
-// of them wrong.
+// Largest effective inlier count that a wrong image has by chance, with few exceptions: 4.5. It is
+// more for queries with over 2048 keypoints, up to 6 with 4096: a second pass finds twice the
+// matches, most of them wrong.
 double InliersByChance(std::size_t query_keypoints);
 
 // The effective inliers beyond those by chance: `effective_inliers` - `by_chance`, but never below
-// 0.25; 0 for 0, which is no warp. Of the wrong images of street photographs that have a warp at
-// all, most have five effective inliers or fewer, one in 25 has more than 5.5, none of 124 had 7;
-// so these move an image up among its neighbours, and no further (and see DropWeakEvidence).
+// 0.25; 0 for 0 (no warp). Among the wrong images of street photographs with a warp, most have five
+// effective inliers or fewer, one in 25 has more than 5.5, and none of 124 has 7. Such evidence
+// raises an image only among its neighbours (see also DropWeakEvidence).
 double Evidence(double effective_inliers, double by_chance = 4.5);
 
 // The final score of a hit: evidence e multiplies the odds of the ranking's score s,
 //   score / (1 - score) = s / (1 - s) (1 + e)^4.
-// It never lowers a score, and hits without evidence keep theirs and so their order. Ranking and
-// inliers are weighed against each other at any number of inliers: between two views of similar
-// objects with many of them a third more count as much as a score 3.2 times as high.
+// It never lowers a score. Hits without evidence keep their scores and their order. Ranking and
+// inliers balance at any number of inliers: a third more inliers count as much as a score 3.2 times
+// as high.
 double LiftScore(double ranking_score, double evidence);
 
-// The ranking score of an image that nothing speaks for: that of the best of a few hundred images
-// that do not show the query's object. For pairs of images outside of a search.
+// The ranking score without any support: that of the best of a few hundred images without the
+// query's object. For pairs of images outside a search.
 inline constexpr double kNoResemblance = 0.002;
 
-// The probability that a hit of the ranking by neighbours with this final score is right:
+// The probability that a hit of the ranking by neighbours with this final score is correct:
 //   p / (1 - p) = 30 score / (1 - score).
-// Fitted to the first hits of 323 street photographs of worn shirts, half of the time with the
-// right object in the collection and half of the time without.
+// Fitted to the first hits of 323 street photographs of worn shirts. Half of the searches had the
+// correct object in the collection, half did not.
 double Probability(double score);
 
-// Why an image is a hit, or was not confirmed as one: an explanation of each instance; if there is
-// none, one that says why.
+// Explains why verification confirmed an image or did not: one explanation per instance; without
+// instances, one with the reason.
 std::vector<Explanation> ExplainInstances(const Features& query, const Features& reference,
                                           const VerificationResult& result);
 

@@ -29,13 +29,13 @@ std::vector<Vec2> Enlarged(std::span<const Vec2> polygon, double factor);
 
 // Whether the point lies inside the polygon, by the even-odd rule.
 bool IsInside(Vec2 point, std::span<const Vec2> polygon);
-// Whether at least half of the points do.
+// Whether at least half of the points lie inside.
 bool HalfInside(std::span<const Vec2> points, std::span<const Vec2> polygon);
 
 // Whether any two sides that are not neighbours touch.
 bool CrossesItself(std::span<const Vec2> polygon);
 
-// The middle of the values, the upper of two; there must be one.
+// The median of the values, the upper one of two. `values` must not be empty.
 double Median(std::vector<double> values);
 
 // sqrt of the Jacobian's determinant: query pixels per reference pixel; -1 where the warp mirrors.
@@ -49,9 +49,10 @@ std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height, 
 bool MapsFrameSanely(const ThinPlateSpline& warp, int width, int height, double scale,
                      double max_factor);
 
-// The map reference -> query as a mesh, for programs that have no spline: `longer_side` points on
-// the reference's longer side; on the shorter as many as keep the cells nearly square, at least 2.
-// Throws kInvalidArgument for an image narrower than 2 pixels or longer_side outside 2..256.
+// The map reference -> query as a mesh, for programs without splines. It has `longer_side` points
+// along the reference's longer side. Along the shorter side it has at least 2, so that the cells
+// are nearly square. Throws kInvalidArgument for an image narrower than 2 pixels or longer_side
+// outside 2..256.
 Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
               int reference_height, int longer_side = 17);
 

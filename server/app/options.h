@@ -20,7 +20,7 @@ struct ServerOptions {
   bool allow_anonymous = false;           // listen beyond loopback without API keys
   int rate_limit = 0;                     // requests per second and key; 0 = no limit
   int rate_burst = 100;
-  std::string descriptor;      // empty: that of the database, deal for a new one
+  std::string descriptor;      // empty: the database's own, deal for a new one
   std::string model;           // weight file; empty = the default one
   bool keep_originals = true;  // store uploaded bytes, for content and thumbnails
   std::string originals_dir;   // parsed by ParseOriginalsDir
@@ -42,7 +42,7 @@ struct ServerOptions {
   int max_megapixels = 100;
   int max_decode_mb = 256;  // of memory, per image
   int decode_timeout_s = 30;
-  int reserve_mb = 64;    // of the disk, which uploads may not take
+  int reserve_mb = 64;    // of the disk, which uploads cannot use
   int max_keypoints = 0;  // 0 = as the database was made
   int max_side_px = 0;    // 0 = as the database was made
 
@@ -66,7 +66,7 @@ struct ServerOptions {
 
   std::string fetch_hosts;  // for image_url, see FetchHosts; empty = none
   int fetch_timeout_s = 10;
-  bool fetch_private = false;  // also where these have private addresses
+  bool fetch_private = false;  // also if they have private addresses
 };
 
 struct ParsedCommandLine {

@@ -45,7 +45,7 @@ class KeyRing {
   explicit KeyRing(std::filesystem::path database);
 
   // Call it after the Engine is open, and not before: the Engine checks the file in a way that
-  // drops the locks of what is already open. Throws what ServiceStore throws.
+  // drops the locks of open files. Throws what ServiceStore throws.
   void Open();
 
   // Whether the database has a key. Revoked keys count, so that revoking the last one closes the

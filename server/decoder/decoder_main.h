@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The program as a decoder, which DecoderProcess starts, and what the two send over a stream
-// socket. Both are the same program, so plain structures will do. The server checks everything that
-// a decoder sends: an image can have taken it over.
+// The program as a decoder, which DecoderProcess starts, and the messages between the two on a
+// stream socket. Both are the same program, so plain structures will do. The server checks
+// everything that a decoder sends: an image can have taken it over.
 #pragma once
 
 #include <cstdint>

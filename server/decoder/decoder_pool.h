@@ -37,7 +37,7 @@ class DecoderPool {
   const std::string& missing() const { return missing_; }
 
   std::size_t size() const;               // decoders that run
-  std::vector<pid_t> WaitingIds() const;  // of those that have nothing to do
+  std::vector<pid_t> WaitingIds() const;  // of idle decoders
 
  private:
   using Decoder = std::unique_ptr<DecoderProcess>;

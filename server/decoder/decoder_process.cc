@@ -153,8 +153,8 @@ class SpawnPlan {
   int error_ = 0;
 };
 
-// Libraries start no threads; their places, if unusual; and a sanitizer's options. No more: the
-// server's environment can hold secrets.
+// No threads in libraries, the libraries' paths, and a sanitizer's options. No more: the server's
+// environment can hold secrets.
 std::vector<std::string> Environment() {
   std::vector<std::string> environment = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1"};
   for (const char* name :
@@ -181,7 +181,7 @@ const char* DecoderCauseName(DecoderEnded::Cause cause) {
 }
 
 DecoderProcess::DecoderProcess(const DecoderOptions& options) : options_(options) {
-  // Enough for the image during which it becomes worn.
+  // Enough for the image during which it exceeds `worn_after`.
   const auto cpu = std::chrono::ceil<std::chrono::seconds>(options.worn_after + options.timeout);
   std::vector<std::string> arguments = {"pliant-server", kDecoderArgument, std::to_string(getpid()),
                                         std::to_string(options.memory_bytes),

@@ -21,7 +21,7 @@ namespace pliant::server {
 
 struct DecoderOptions {
   std::filesystem::path program = "/proc/self/exe";  // that calls RunDecoder
-  // Of memory for one image: what DecodeOptions allow, its file twice, some for the libraries.
+  // Memory for one image: the limit in DecodeOptions, its file twice, and some for the libraries.
   std::int64_t memory_bytes = std::int64_t{384} * 1024 * 1024;
   std::chrono::milliseconds timeout{30'000};  // for one image
   // Of processor time. One that has used more is replaced after its image; a little later the
@@ -35,7 +35,7 @@ class DecoderEnded : public std::runtime_error {
   enum class Cause {
     kCrashed,    // by a signal, or by itself
     kForbidden,  // by a system call that decoding does not need
-    kKilled,     // SIGKILL: by the system for lack of memory, or by somebody
+    kKilled,     // SIGKILL: by the system for lack of memory, or by a person
     kTimeout,    // ended here: it took too long
     kBroken,     // ended here: it sent something impossible
   };
@@ -64,7 +64,8 @@ class DecoderProcess {
   // While it waits for an image: throws DecoderEnded if it has ended.
   void CheckAlive();
 
-  // What DecodeImage gives, or throws. Throws DecoderEnded; do not use it after that.
+  // Returns or throws the same as DecodeImage. Throws DecoderEnded; do not use the process after
+  // that.
   std::variant<DecodedImage, Error> Decode(Bytes bytes, const DecodeOptions& options);
 
   pid_t id() const { return pid_; }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// What a process gives up for good before it touches bytes from outside.
+// Permanent limits of a process before it reads bytes from outside.
 #pragma once
 
 #include <cstdint>

@@ -233,7 +233,7 @@ WebAddress Next(const WebAddress& address, const std::string& location) {
   return there;
 }
 
-// An image keeps its place.
+// An image keeps its slot.
 std::shared_ptr<const std::vector<std::uint8_t>> Held(std::vector<std::uint8_t> bytes,
                                                       std::shared_ptr<void> place) {
   using Both = std::pair<std::vector<std::uint8_t>, std::shared_ptr<void>>;
@@ -279,11 +279,11 @@ bool FetchHosts::Allows(const std::string& scheme, const std::string& host, int 
 }
 
 // Counts the images that are on their way or in use. Thread-safe; outlives the fetcher with them.
-class Fetcher::Places : public std::enable_shared_from_this<Places> {
+class Fetcher::Slots : public std::enable_shared_from_this<Slots> {
  public:
-  explicit Places(int most) : most_(std::max(1, most)) {}
+  explicit Slots(int most) : most_(std::max(1, most)) {}
 
-  // A place, free again when what is returned is gone. Throws ProblemError "busy" and "stopping".
+  // A slot, held until the result is destroyed. Throws ProblemError "busy" and "stopping".
   std::shared_ptr<void> Take(For whom, Clock::time_point until, const std::function<bool()>& stop) {
     const int most = whom == For::kJob ? std::max(1, most_ / 2) : most_;
     std::unique_lock lock(mutex_);
@@ -330,14 +330,14 @@ class Fetcher::Places : public std::enable_shared_from_this<Places> {
 Fetcher::Fetcher(FetchOptions options)
     : options_(std::move(options)),
       hosts_(options_.hosts),
-      places_(std::make_shared<Places>(options_.most_at_once)) {
+      slots_(std::make_shared<Slots>(options_.most_at_once)) {
   static std::once_flag once;
   if (on()) std::call_once(once, [] { curl_global_init(CURL_GLOBAL_DEFAULT); });
 }
 
 Fetcher::~Fetcher() { Stop(); }
 
-void Fetcher::Stop() { places_->Stop(); }
+void Fetcher::Stop() { slots_->Stop(); }
 
 void Fetcher::RequireAllowed(const WebAddress& address, const char* what) const {
   if (hosts_.Allows(address.scheme(), address.host(), address.port())) return;
@@ -356,10 +356,10 @@ FetchedImage Fetcher::Fetch(const std::string& url, For whom, const std::functio
   FetchedImage image;
   image.source = address.Display();
   RequireAllowed(address, "this host and port");
-  if (!place) place = places_->Take(whom, Clock::now() + options_.timeout, stop);
+  if (!place) place = slots_->Take(whom, Clock::now() + options_.timeout, stop);
   image.place = place;
   const auto deadline = Clock::now() + options_.timeout;
-  const std::function<bool()> ends = [&] { return places_->stopped() || (stop && stop()); };
+  const std::function<bool()> ends = [&] { return slots_->stopped() || (stop && stop()); };
   for (int redirections = 0;; ++redirections) {
     Transfer transfer{options_, ends};
     Run(transfer, address, deadline);

@@ -42,7 +42,7 @@ struct FetchOptions {
   bool allow_private = false;                 // of these hosts also loopback and private addresses
   std::chrono::milliseconds timeout{10'000};  // of one image, with all redirections
   std::size_t max_bytes = 32 * 1024 * 1024;   // of an image
-  int most_at_once = 16;                      // images on their way or in use
+  int most_at_once = 16;                      // images in transfer or in use
   std::string user_agent = "Pliant";
   std::string ca_file = {};               // PEM; empty = the system's certificates
   std::vector<std::string> resolve = {};  // "host:port:address" instead of the system's resolver
@@ -55,7 +55,7 @@ struct FetchedImage {
   std::shared_ptr<void> place = {};
 };
 
-// Thread-safe. What it returns may outlive it.
+// Thread-safe. Its results can outlive it.
 class Fetcher {
  public:
   static constexpr int kMostRedirections = 3;
@@ -68,16 +68,17 @@ class Fetcher {
 
   bool on() const { return !hosts_.empty(); }
 
-  // What happens when all places are taken.
+  // What happens when all slots are in use.
   enum class For {
     kRequest,  // refused at once: it holds a thread that serves requests
     kBatch,    // waits for FetchOptions::timeout
-    kJob,      // waits until `stop`, and leaves half of the places to the others
+    kJob,      // waits until `stop`, and leaves half of the slots to the others
   };
   // Throws ProblemError: "fetch_off"; "fetch_host_not_allowed", also for a redirection to such a
   // host, and for a host without an address that the server can connect to; "fetch_failed", which
   // says why; "busy"; "stopping" when the server stops or `stop` says so. Throws Error
-  // "image_url_invalid". `place`: to share, of another image of the same request; null = a new one.
+  // "image_url_invalid". `place`: the slot of another image of the same request, to share; null = a
+  // new one.
   //
   // The network address is checked when the socket is made, after all resolving: no name can mean
   // another address than the one that was allowed. No cookies, proxies, keys or passwords of the
@@ -89,13 +90,13 @@ class Fetcher {
   void Stop();
 
  private:
-  class Places;
+  class Slots;
 
   void RequireAllowed(const WebAddress& address, const char* what) const;
 
   const FetchOptions options_;
   const FetchHosts hosts_;
-  const std::shared_ptr<Places> places_;
+  const std::shared_ptr<Slots> slots_;
 };
 
 }  // namespace pliant::server

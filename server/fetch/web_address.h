@@ -13,15 +13,15 @@ namespace pliant::server {
 
 // Whether the server can connect to a network address when a client names a host.
 enum class AddressKind {
-  kPublic,   // anybody's, on the Internet
+  kPublic,   // a public address
   kPrivate,  // of this machine, or of a network of its own: an operator can allow it
-  kNever,    // no host's (multicast, unspecified, reserved), a network's own business (link-local,
-             // where clouds keep their secrets), or leading elsewhere (6to4, Teredo)
+  kNever,    // no host (multicast, unspecified, reserved), link-local (where clouds keep their
+             // secrets), or a tunnel (6to4, Teredo)
 };
 
 // By the registries of special addresses (RFC 6890 with its updates). An IPv4 address inside an
-// IPv6 one (mapped, or NAT64's) is what the IPv4 address is; a private one behind NAT64 is kNever.
-// Other families are kNever.
+// IPv6 one (mapped, or NAT64's) has the class of the IPv4 address; a private one behind NAT64 is
+// kNever. Other families are kNever.
 AddressKind KindOf(const sockaddr* address);
 
 // A host as it is compared: in lower case, and an IPv6 address, which is in brackets, in its

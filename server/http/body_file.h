@@ -38,10 +38,10 @@ class BodyFile {
   BodyFile(const BodyFile&) = delete;
   BodyFile& operator=(const BodyFile&) = delete;
 
-  // These throw as the constructor does. Reserve only checks that so many bytes fit on the disk.
+  // These throw as the constructor does. Reserve only checks that the bytes fit on the disk.
   void Append(std::string_view bytes) { Write(size_, bytes); }
   void Reserve(std::uint64_t bytes) const { RequireDiskSpace(directory_, bytes, reserve_bytes_); }
-  void Write(std::uint64_t offset, std::string_view bytes);  // until no place below size() is empty
+  void Write(std::uint64_t offset, std::string_view bytes);  // until no gap below size() remains
   std::uint64_t size() const { return size_; }
   const std::string& version() const { return version_; }  // differs for each state of a named file
 

@@ -19,7 +19,7 @@ constexpr std::size_t kFilePieceBytes = 64 * 1024;   // in memory for one client
 constexpr std::size_t kMostAtOnce = 1024 * 1024;     // then other clients have their turn
 constexpr std::size_t kAlwaysKeptBytes = 16 * 1024;  // of an answer: enough to say what is wrong
 constexpr std::size_t kMostDroppedBytes = 4 * 1024 * 1024;
-constexpr std::chrono::milliseconds kLingerTime{1'000};
+constexpr std::chrono::milliseconds kDiscardTime{1'000};
 constexpr std::string_view kContinue = "HTTP/1.1 100 Continue\r\n\r\n";
 
 // The time that a long answer or body can take beside the time for any.
@@ -82,8 +82,8 @@ bool Connection::Step() {
       return Serve();
     case Phase::kSending:
       return Send();
-    case Phase::kLingering:
-      return Linger();
+    case Phase::kDiscarding:
+      return DiscardRest();
     case Phase::kServing:
     case Phase::kClosed:
       break;
@@ -109,8 +109,8 @@ void Connection::Enter(Phase phase) {
       last_deadline_ =
           now + limits_.answer_timeout + TimeFor(answer_.file ? answer_.file->size() : 0);
       return SetDeadline(now + limits_.write_timeout);
-    case Phase::kLingering:
-      return SetDeadline(now + kLingerTime);
+    case Phase::kDiscarding:
+      return SetDeadline(now + kDiscardTime);
     case Phase::kServing:
     case Phase::kClosed:
       return SetDeadline(EventLoop::kNever);
@@ -321,13 +321,13 @@ bool Connection::Send() {
     // and fail, while a bare end makes them connect again. Nothing can be cut off there: every
     // answer was complete by its length.
     socket_.EndSending();
-    Enter(Phase::kLingering);
+    Enter(Phase::kDiscarding);
   }
   return true;
 }
 
 // Closing with unread bytes would reset the connection, and with it the answer (RFC 9112, 9.6).
-bool Connection::Linger() {
+bool Connection::DiscardRest() {
   ssize_t got = 1;
   while (got > 0 && dropped_ < kMostDroppedBytes) {
     got = socket_.Discard();

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A client's connection: its socket, what was received and what is to be sent. It belongs to the
-// thread of the event loop, and waits there without a thread of its own: for a handshake, for a
-// request to arrive as a whole, for a worker, for an event that a handler wants, for the client to
-// take the answer. So a thousand slow clients cost memory and nothing else.
+// A client's connection: its socket, its received bytes and its unsent bytes. It belongs to the
+// thread of the event loop, and waits there without its own thread: for a handshake, a complete
+// request, a worker, an event of a handler, or the client to receive the answer. So a thousand slow
+// clients cost only memory.
 //
-// An upload changes threads three times: it is accepted, then received here, then served by a
-// worker, then its answer is sent here.
+// An upload changes threads three times: it is accepted, received here, served by a worker, and its
+// answer is sent here.
 #pragma once
 
 #include <atomic>
@@ -34,9 +34,9 @@ class Workers {
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
-  // False when the queue is full; with `past_limit` it takes the task all the same.
+  // false = the queue is full; with `past_limit` it takes the task anyway.
   bool Run(std::function<void()> task, bool past_limit = false);
-  // Runs the tasks that wait, then ends the threads. From one thread.
+  // Runs the waiting tasks, then ends the threads. From one thread.
   void Finish() {
     if (!std::exchange(finished_, true)) pool_.shutdown();
   }
@@ -50,14 +50,14 @@ class Workers {
 
 class Connection;
 
-// What all connections of a server share.
+// Shared by all connections of a server.
 struct ConnectionContext {
   SessionContext sessions;
   std::function<void(const std::shared_ptr<Connection>&)> on_close;  // on the loop's thread
   MemoryBudget budget{sessions.options.max_inflight_bytes};
   EventLoop loop{};  // outlives the workers, which post to it
   Workers requests{sessions.options.threads, sessions.options.connection_queue};
-  // Threads of their own for /livez, so that it is answered when all others are busy.
+  // Separate threads for /livez, so that it is answered even if all others are busy.
   Workers health{2, 64};
   // A step of a handshake takes milliseconds of a core (RSA): one core, so that others stay free.
   Workers handshakes{1, sessions.options.max_connections};
@@ -73,7 +73,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void Start();
   // Instead of Start(): answers "busy" without reading a request. Under TLS there is no answer.
   void TurnAway();
-  // The server stops: no other request is received, and nobody waits for an event.
+  // The server stops: receive no further request, and end all waits for events.
   void Drain();
   void Close();
 
@@ -86,14 +86,14 @@ class Connection : public std::enable_shared_from_this<Connection> {
     kServing,  // by a worker
     kWaiting,  // for an event
     kSending,
-    kLingering,  // the last answer was sent: what the client still sends is dropped
+    kDiscarding,  // the last answer was sent: further bytes of the client are dropped
     kClosed
   };
 
   void Run(const std::function<bool()>& step);
   void Enter(Phase phase);
   void SetDeadline(Clock::time_point at) { context_.loop.SetDeadline(socket_.fd(), at); }
-  // These take a step and return whether the next one can be taken at once.
+  // These perform a step, and return whether the next step can follow at once.
   bool Step();
   bool OnTimeout();
   bool Handshake();
@@ -105,9 +105,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool Refuse(const ProblemError& error);
   bool SendAnswer();
   bool Send();
-  bool Linger();
+  bool DiscardRest();
   bool Receive();  // into reader_; false: waits, or closed
-  bool Await();    // what the socket waits for; false
+  bool Await();    // waits for the socket; returns false
   bool End();      // closes; false
   bool Refill();   // answer_.text with the next piece
 
@@ -127,7 +127,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   Session::Answer answer_;  // kSending; its text has the pieces of its file one after another
   std::size_t sent_ = 0;    // of its text
   std::uint64_t file_sent_ = 0;
-  std::size_t held_ = 0;  // of the budget, for what the client has not taken
+  std::size_t held_ = 0;  // of the budget, for unsent bytes
   std::size_t dropped_ = 0;
 };
 

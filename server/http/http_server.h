@@ -63,7 +63,7 @@ using AdmitRequest = std::function<void(const Route&, Request&)>;
 
 class HttpServer {
  public:
-  // Binds at once, so that a port in use is noticed before anything else is loaded; throws Error
+  // Binds at once, so that a port in use is reported before anything else is loaded. Throws Error
   // kUnavailable "address_in_use". `router` must outlive the server.
   HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,
              std::function<void(const RequestRecord&)> on_request);

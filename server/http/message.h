@@ -20,7 +20,7 @@ namespace pliant::server {
 
 class BodyFile;
 
-// What a caller can do; each includes those before it.
+// Scope of a caller; each includes those before it.
 enum class Scope { kPublic, kRead, kWrite, kAdmin };
 
 // "public", "read", "write", "admin"
@@ -36,8 +36,8 @@ struct Caller {
   Scope scope = Scope::kPublic;
 };
 
-// Where a long body of a request goes, piece by piece, so that it is never in memory as a whole.
-// Used by one thread at a time. A sink that is destroyed before the body was complete, because the
+// Receives a long body of a request piece by piece, so that it is never completely in memory. Used
+// by one thread at a time. A sink that is destroyed before the body was complete, because the
 // client left or the body was refused, leaves nothing behind.
 class BodySink {
  public:
@@ -46,7 +46,7 @@ class BodySink {
   BodySink(const BodySink&) = delete;
   BodySink& operator=(const BodySink&) = delete;
 
-  // Called by the thread that polls all connections: must not take long. What it throws is the
+  // Called by the thread that polls all connections: must not take long. Its exception is the
   // request's answer, and the rest of the body is not read.
   virtual void Append(std::string_view bytes) = 0;
   // The complete body, if the sink can show it as a whole; valid as long as the sink.
@@ -89,7 +89,7 @@ struct Request {
   std::multimap<std::string, std::string> query;
   HeaderFields headers;
   std::string remote_address;
-  Caller caller;  // of a public route: nobody
+  Caller caller;  // empty for a public route
 
   std::string content_type;  // media type of the body in lower case, without parameters
   std::string body;          // empty when multipart

@@ -72,7 +72,7 @@ int StatusOf(ErrorCode code);
 // The exception being handled, as a problem: ProblemError, Error, or anything else as "internal".
 Problem CurrentProblem();
 
-// One line for the log, where there is a cause that clients must not see.
+// One line for the log, if there is a cause that clients must not see.
 void LogProblem(const Problem& problem);
 
 Response ProblemResponse(const Problem& problem, const std::string& request_id);

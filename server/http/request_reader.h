@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The only reader of requests (RFC 9112): the bytes of a client become a head, then a body in
-// memory or in a sink, within limits. It is strict: where a lenient reader skips something (a field
-// name with a space behind it, a folded line), a proxy in front can understand it, and then the two
-// disagree about where a request ends, so that one's body is the other's next request ("request
+// memory or in a sink, within limits. It is strict. If a lenient reader skips something that a
+// proxy in front understands (a field name with a space behind it, a folded line), the two disagree
+// about where a request ends. Then the body of one is the next request of the other ("request
 // smuggling"). Needs no socket.
 #pragma once
 
@@ -26,7 +26,7 @@ inline constexpr const char* kTooManyRequests =
 enum class BodyFraming { kNone, kLength, kChunked, kUnknown };  // kUnknown: another encoding
 
 struct RequestHead {
-  std::string fault = {};  // why it is refused (400); empty = it is not
+  std::string fault = {};  // why it is refused (400); empty = accepted
   std::string method = {};
   std::string target = {};
   bool is_http_1_0 = false;
@@ -74,7 +74,7 @@ struct MemoryBudget {
   std::size_t most = 0;
   std::atomic<std::size_t> used{0};
 
-  bool Take(std::size_t bytes);  // false: that would be too many, none are taken
+  bool Take(std::size_t bytes);  // false: above the limit, and none are taken
   void Give(std::size_t bytes) { used -= bytes; }
 };
 

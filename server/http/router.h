@@ -25,7 +25,7 @@ struct Parameter {
     kText,
     kInteger,   // lowest..highest
     kNumber,    // lowest..highest
-    kNumbers,   // exactly `count` of them, with commas between
+    kNumbers,   // exactly `count` of them, comma-separated
     kChoice,    // one of `choices`
     kBoolean,   // "true" or "false"
     kJson,      // a JSON object

@@ -22,7 +22,7 @@ constexpr std::size_t kMostPathBytes = 2048;
 constexpr std::size_t kMostTargetBytes = 8192;
 constexpr std::size_t kLoggedPathBytes = 256;
 constexpr std::size_t kMostParts = 64;
-// One of so many connections can wait for an event; the others are for immediate answers.
+// One connection in kWaitingShare can wait for an event; the others are for immediate answers.
 constexpr int kWaitingShare = 2;
 
 bool IsRequestId(const std::string& id) {
@@ -147,7 +147,7 @@ std::optional<Response> Session::Check() {
     request_.has_body = false;
     request_.body = {};
   }
-  // Chunks can become any number of bytes.
+  // Chunks can have any number of bytes in total.
   const bool is_long = head_.framing == BodyFraming::kChunked ||
                        head_.length > context_.options.limits.max_body_bytes;
   if (request_.has_body && route_->receive && is_long) {

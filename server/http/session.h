@@ -27,8 +27,7 @@ namespace pliant::server {
 
 inline constexpr int kMostRequestsPerConnection = 1000;
 
-// Hashes of the keys that were admitted lately: bodies that come with them are worth receiving.
-// Thread-safe.
+// Hashes of recently admitted keys: the server receives bodies with these keys early. Thread-safe.
 class AdmittedKeys {
  public:
   bool Has(const Request& request) const {
@@ -49,7 +48,7 @@ class AdmittedKeys {
   std::array<std::atomic<std::size_t>, kKeys> hashes_ = {};
 };
 
-// What all sessions of a server share.
+// Shared by all sessions of a server.
 struct SessionContext {
   const HttpOptions options;
   const Router& router;
@@ -73,8 +72,8 @@ class Session {
     std::shared_ptr<const BodyFile> file = {};  // the body otherwise
     bool keeps_open = false;                    // another request can follow
   };
-  // What the request needs next: its body, the event that its handler waits for (see wait()), or
-  // its answer sent.
+  // The next step of the request: receive its body, wait for its handler's event (see wait()), or
+  // send its answer.
   enum class Next { kBody, kEvent, kAnswer };
 
   // `begun`: first byte of the request. `is_last`: the connection takes no other after it.

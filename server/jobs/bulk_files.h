@@ -82,8 +82,8 @@ class BulkFiles {
   std::unique_ptr<MappedFile> Open(const std::string& id) const;
   void Remove(const std::string& id) const;  // no matter whether it exists
 
-  // Removes files that killed servers left: those that no upload writes and no active job needs,
-  // once they are a minute old. Returns their number.
+  // Removes files of killed servers: files without an upload or an active job, once they are a
+  // minute old. Returns their number.
   std::size_t Sweep(const JobStore& jobs) const;
 
  private:

@@ -18,7 +18,7 @@ namespace pliant::server {
 
 inline constexpr std::size_t kMostBulkItems = 10'000;
 
-// What the images have that do not say otherwise.
+// Defaults for the images of a body.
 struct BulkDefaults {
   std::string object;                     // also instead of the objects that a TAR's names give
   std::string metadata = "{}";            // a JSON object

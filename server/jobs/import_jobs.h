@@ -50,7 +50,7 @@ JobStatus AddBulkImportJob(JobStore& jobs, const CollectionRecord& collection,
 void RemoveBodyOf(const JobStatus& job, const BulkFiles& files);
 
 // Kinds "import" and "bulk_import". Both can be resumed: the first skips stored images, the second
-// goes on behind the items that have a result. A result (ServiceStore::JobItems) is a JSON object:
+// continues after the items with a result. A result (ServiceStore::JobItems) is a JSON object:
 // "index", "source", "status" (the HTTP status of a single upload), and either "outcome",
 // "image_id" and "object", or "problem".
 void RegisterImportJobs(JobRunner& runner, ImportServices services);

@@ -16,7 +16,7 @@
 
 namespace pliant::server {
 
-// What a running job tells, and is told. Thread-safe.
+// The connection of a running job to its server: progress and stop. Thread-safe.
 struct JobContext {
   std::stop_token stop;
   std::function<void(double done, double total)> progress;
@@ -27,26 +27,26 @@ struct JobContext {
 struct JobKind {
   // Returns the address of the result; throws Error kCancelled when it was stopped.
   std::function<std::string(const JobStatus&, const JobContext&)> run;
-  // Whether beginning again after an interruption leads to the same end.
+  // Whether a restart after an interruption gives the same result.
   bool resumes = true;
 };
 
 class JobRunner {
  public:
-  static constexpr int kMaxAttempts = 3;  // a job that ends the server must not do so for ever
+  static constexpr int kMaxAttempts = 3;  // limits how often a job can crash the server
 
   explicit JobRunner(JobStore& store) : store_(store) {}
-  // Stops what runs and waits for its end. Another server, or the next start, goes on with it.
+  // Stops running jobs and waits for their end. Another server, or the next start, continues them.
   ~JobRunner();
   JobRunner(const JobRunner&) = delete;
   JobRunner& operator=(const JobRunner&) = delete;
 
-  // All kinds, then Start(), which adopts what an earlier run of the server left.
+  // Add all kinds, then call Start(), which adopts jobs of an earlier run of the server.
   void Register(const std::string& kind, JobKind how);
   void Start();
 
  private:
-  void Adopt(const JobRecord& record);  // begins again, or ends what cannot begin again
+  void Adopt(const JobRecord& record);  // restarts the job, or ends it if it cannot be restarted
   bool MayBegin(const JobStatus& status) const;
   void Run(const std::string& kind);
   void Execute(const JobStore::OwnJobPtr& job);

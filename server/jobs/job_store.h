@@ -45,7 +45,7 @@ struct JobStatus {
   double done = 0;  // of `total`
   double total = 1;
   std::uint64_t failed = 0;               // items that could not be done
-  int attempts = 0;                       // times it was begun
+  int attempts = 0;                       // number of starts
   std::vector<SkippedItem> skipped = {};  // the first JobStore::kMaxSkipped of them
   std::optional<Problem> problem = {};    // when kFailed
   std::string result = {};                // address of what was made; empty until kDone
@@ -59,7 +59,7 @@ JobStatus FromRecord(const JobRecord& record);
 
 [[noreturn]] void ThrowJobNotFound();  // ProblemError "job_not_found"
 
-// Those who wait for the end of a job, without a thread. Thread-safe.
+// Waits for the end of jobs, without threads. Thread-safe.
 class JobWaiters : public std::enable_shared_from_this<JobWaiters> {
  public:
   using Wake = std::function<void()>;
@@ -67,7 +67,7 @@ class JobWaiters : public std::enable_shared_from_this<JobWaiters> {
   // Calls `wake` at most once, and not after the returned object is gone, which may outlive all
   // other users of this. `wake` must not wait, nor call this.
   std::shared_ptr<void> Add(const std::string& id, Wake wake);
-  std::set<std::string> Ids() const;  // of the jobs that somebody waits for
+  std::set<std::string> Ids() const;  // of the jobs with waiters
   void WakeAll(const std::string& id);
 
  private:
@@ -91,7 +91,7 @@ class JobStore {
   JobStore& operator=(const JobStore&) = delete;
 
   // Throws ProblemError "busy" when too many jobs of this server wait. The database keeps `input`,
-  // what the job works on, until the job ends.
+  // the data of the job, until the job ends.
   JobStatus Add(const std::string& kind, const std::string& collection, const Json& parameters,
                 const std::optional<std::span<const std::uint8_t>>& input = {});
   // Nothing if a job of that kind in that collection has not ended, here or at another server.
@@ -141,7 +141,7 @@ class JobStore {
   bool Save(const OwnJobPtr& job, const JobStatus& status);
   // Writes the state, then shows it, also if it could not be written; JobWatcher writes it later.
   void Update(const OwnJobPtr& job, JobStatus status);
-  void SaveEnds();                        // those that could not be written
+  void SaveEnds();                        // the ends that could not be written
   void CancelOwn(const std::string& id);  // no effect on jobs of other servers
   JobWaiters& waiters() const { return *waiters_; }
   void Stop();  // asks all jobs to end

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Watches the jobs in the database for what other servers do.
+// Watches the jobs in the database for changes by other servers.
 #pragma once
 
 #include <chrono>
@@ -12,8 +12,8 @@
 
 namespace pliant::server {
 
-// Cancels own jobs whose end another server asked for, wakes those who wait for another server's
-// job, and offers the jobs of servers that no longer live to `adopt`.
+// Cancels own jobs on request of another server, wakes waits for other servers' jobs, and offers
+// the jobs of dead servers to `adopt`.
 class JobWatcher {
  public:
   using Adopt = std::function<void(const JobRecord&)>;
@@ -32,7 +32,7 @@ class JobWatcher {
   const Adopt adopt_;
   std::int64_t seen_version_ = -1;  // of the database
   bool others_work_ = false;        // another server has jobs that have not ended
-  bool works_ = true;               // the last poll has worked
+  bool works_ = true;               // the last poll succeeded
   std::thread thread_;
 };
 

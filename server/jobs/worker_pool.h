@@ -26,9 +26,9 @@ struct WorkerPoolOptions {
 class WorkerPool {
  public:
   // Searches have priority, but at most kSearchesInARow of them while uploads wait. Background
-  // tasks run when neither waits, and after kOthersInARow of both, so that a job gets on however
-  // busy the server is; on one core each and half of the cores (at least one) in total, so a search
-  // gets a core soon, however long a job runs.
+  // tasks run when neither waits, and after kOthersInARow of both, so that jobs progress on a busy
+  // server. Each uses one core, all together half of the cores (at least one), so that a search
+  // gets a core soon during long jobs.
   enum class Lane { kSearch, kUpload, kBackground };
   static constexpr int kSearchesInARow = 4;
   static constexpr int kOthersInARow = 16;

@@ -27,7 +27,7 @@ Json OpenApiDocument(const std::vector<Route>& routes);
 // Its components/schemas.
 Json OpenApiSchemas();
 
-// The problem codes of a route: its own ones, and those that follow from its declaration.
+// The problem codes of a route: its own codes, and the codes that follow from its declaration.
 std::set<std::string> RouteCodes(const Route& route);
 
 }  // namespace pliant::server

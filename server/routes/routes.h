@@ -101,8 +101,8 @@ void AddBackupRoutes(RouteTable& table);
 // Last: the document describes all other routes.
 void AddDocumentRoute(RouteTable& table);
 
-// Makes a handler heed Idempotency-Key: a client that does not know what became of its request
-// sends the request again, and the server does not perform it twice
+// Adds Idempotency-Key to a handler. A client that does not know the outcome of its request sends
+// the request again, and the server does not perform it twice
 // (draft-ietf-httpapi-idempotency-key-header-07).
 //
 // Two requests are the same if method, path, query and body are. The parts of a form count one by

@@ -188,7 +188,8 @@ bool HasTables(Connection& db) {
 }
 
 // Several processes may do this at once: the lock lasts to the end of the transaction.
-void Settle(PgConnection& db, const Address& address, const StoreOptions& options, StorePart part) {
+void EnsureTables(PgConnection& db, const Address& address, const StoreOptions& options,
+                  StorePart part) {
   if (!HasTables(db)) {
     if (!options.create || options.read_only) ThrowNotThere(address);
     db.Exec("BEGIN; SELECT pg_advisory_xact_lock(hashtext('pliant'))");
@@ -214,7 +215,7 @@ std::unique_ptr<Access> OpenServerAccess(const StoreOptions& options, StorePart 
   postgres::Address address = postgres::ParseAddress(options.database.string());
   {
     postgres::PgConnection db(&address, nullptr, {});
-    postgres::Settle(db, address, options, part);
+    postgres::EnsureTables(db, address, options, part);
   }
   return std::make_unique<postgres::PgAccess>(std::move(address), options, part);
 }
@@ -229,7 +230,7 @@ void InitializeDatabase(const std::string& url) {
   options.database = url;
   postgres::Address address = postgres::ParseAddress(url);
   postgres::PgConnection db(&address, nullptr, {});
-  postgres::Settle(db, address, options, StorePart::kService);
+  postgres::EnsureTables(db, address, options, StorePart::kService);
 }
 
 }  // namespace pliant

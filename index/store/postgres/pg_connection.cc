@@ -38,7 +38,7 @@ constexpr std::int64_t kGraceMs = 3'000;
 constexpr std::int64_t kAloneMs = 8'000;  // without a monitor
 constexpr milliseconds kLook{200};
 
-// BEGIN and its part's row of `feed`: whoever has the row is the only writer until the end of the
+// BEGIN and its part's row of `feed`: the owner of the row is the only writer until the end of the
 // commit. The name of the log file begins with the timeline, which a promoted standby changes.
 std::string BeginWriteSql(int part) {
   return "BEGIN; UPDATE feed SET position = position + 1, "

@@ -23,26 +23,25 @@ namespace pliant::postgres {
 struct Address {
   std::string url;
   std::string shown;  // for people: hosts, database, schema; no user's secrets
-  // What reads may be done by a standby, if it has what is committed: target_session_attrs of the
-  // URL is any, read-only, standby or prefer-standby.
+  // Whether a standby that has all commits can serve reads: target_session_attrs of the URL is any,
+  // read-only, standby or prefer-standby.
   bool reads_on_standby = false;
 };
 
-// Throws kInvalidArgument "database_url_invalid" for what libpq does not understand. Its message
-// has nothing of the URL that may be a password.
+// Throws kInvalidArgument "database_url_invalid" for text that libpq does not understand. The
+// message contains no part of the URL that can be a password.
 Address ParseAddress(const std::string& url);
 
 // PostgreSQL's errors as Pliant's. Private to store/postgres.
 
-// Throws the Error that stands for a failed result, by its SQLSTATE; `database` is what people call
-// it.
+// Throws the Error for a failed result, by its SQLSTATE. `database` is its name for people.
 [[noreturn]] void ThrowFailed(const PGresult* result, const std::string& database);
-// No connection, or one that has broken: kUnavailable "database_unavailable", or what the server
-// says against the connection (no such database, password).
+// No connection, or a broken one: kUnavailable "database_unavailable", or the server's reason (no
+// such database, password).
 [[noreturn]] void ThrowNotConnected(PGconn* connection, const std::string& database);
 // The server does not answer.
 [[noreturn]] void ThrowSilent(const std::string& database);
-// It broke while a transaction was being committed: kUnavailable "database_outcome_unknown".
+// The connection broke during a commit: kUnavailable "database_outcome_unknown".
 [[noreturn]] void ThrowOutcomeUnknown(const std::string& database);
 
 struct ResultDeleter {
@@ -50,12 +49,12 @@ struct ResultDeleter {
 };
 using Result = std::unique_ptr<PGresult, ResultDeleter>;
 
-// Whether the database's server is there, as PgMonitor sees it. Thread-safe.
+// Whether the database's server is reachable, by PgMonitor. Thread-safe.
 struct Health {
-  // Counts the times that the monitor lost its connection: what was connected before may be to a
-  // server that has stopped, or that is the primary no more.
+  // Number of times that the monitor lost its connection. An older connection can lead to a server
+  // that has stopped, or that is no longer the primary.
   std::atomic<std::uint64_t> losses = 0;
-  std::atomic<std::int64_t> answered_ms = 0;  // when it answered last (SteadyMs)
+  std::atomic<std::int64_t> answered_ms = 0;  // when it last answered (SteadyMs)
 };
 std::int64_t SteadyMs();
 
@@ -65,22 +64,21 @@ class PgConnection : public Connection {
   struct Options {
     Target target = Target::kPrimary;
     int lock_timeout_ms = 10'000;
-    // The server ends the session when a transaction does nothing for so long, as that of a program
-    // that was stopped does: it holds what others wait for.
+    // The server ends the session when a transaction is idle for this time, because others can wait
+    // for its locks. This happens when a program is stopped (SIGSTOP).
     int idle_in_transaction_ms = 15'000;
-    std::string settings = {};  // further statements at the begin of a session
+    std::string settings = {};  // further statements at the start of a session
     int part = 0;               // StorePart, of BeginWrite
     FeatureCache* features = nullptr;
   };
 
-  // `health`: nullptr = whoever waits, waits 8 seconds at most. Both must outlive the connection.
+  // `health`: nullptr = waits end after 8 seconds. Both must outlive the connection.
   PgConnection(const Address* address, const Health* health, Options options);
   ~PgConnection() override;
 
   void Exec(const std::string& sql) override;
   void BeginRead() override;
-  // Waits for the turn of this writer among those of all processes, and counts the commit in
-  // `feed`.
+  // Waits for this writer's turn among all processes, and counts the commit in `feed`.
   void BeginWrite() override;
   // Throws kUnavailable "database_outcome_unknown".
   void Commit() override;
@@ -99,10 +97,10 @@ class PgConnection : public Connection {
                        const std::vector<std::string>& columns) const override;
 
   bool IsStandby() const;
-  // Connected, to a server that has been there since.
+  // Connected, and the monitor has not lost the server since.
   bool IsGood() const override;
-  // Waits for a message of another session (NOTIFY), or for the time to pass; whether there was
-  // one.
+  // Waits for a message of another session (NOTIFY), at most for the given time. Returns whether
+  // there was one.
   bool WaitForNotice(std::chrono::milliseconds time);
 
   // For its statements.
@@ -127,7 +125,7 @@ class PgConnection : public Connection {
   const Options options_;
   PGconn* connection_ = nullptr;
   std::uint64_t session_ = 0;  // counts Connect
-  std::uint64_t losses_ = 0;   // Health::losses when it was connected
+  std::uint64_t losses_ = 0;   // Health::losses at the last Connect
   std::uint64_t names_ = 0;
 };
 

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A thread with a connection of its own to the primary, on which it asks every two seconds whether
-// the server is there, says that this process lives, and hears (LISTEN) of commits. Private to
-// store/postgres. Thread-safe.
+// A thread with its own connection to the primary. Every two seconds it checks the server and
+// reports that this process lives. It also listens (LISTEN) for commits. Private to store/postgres.
+// Thread-safe.
 #pragma once
 
 #include <condition_variable>
@@ -24,14 +24,13 @@ class PgMonitor {
 
   const Health& health() const { return health_; }
 
-  // Calls `wake`, which must not throw, soon after any commit, in the thread that is returned:
-  // apart, as following others may take long, and this process lives meanwhile.
+  // Calls `wake`, which must not throw, soon after any commit, in the returned thread. It is a
+  // separate thread, because applying changes can take long, and the reports must continue.
   std::jthread OnCommit(std::function<void()> wake);
-  // This process's name in `processes`, where it is from the first call on.
+  // This process's name in `processes`. The first call adds it.
   const std::string& Owner();
-  // Whether the process of a name has said in the last kLivesS seconds that it lives. True, too,
-  // where this process has not been heard itself for so long: while the server was away nobody
-  // could say so.
+  // Whether the named process has reported in the last kLivesS seconds. Also true if this process
+  // itself could not report for that time: while the server is away, no process can.
   bool Lives(Connection& db, const std::string& owner) const;
 
   static constexpr int kLivesS = 10;
@@ -44,10 +43,11 @@ class PgMonitor {
   Health health_;
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable_any changed_;
-  bool noticed_ = false;  // a commit, of which `wake` has not heard
+  bool noticed_ = false;  // a commit for which `wake` has not been called
   std::string owner_;
-  bool beaten_ = false;               // owner_ is in `processes`
-  std::int64_t steady_since_ms_ = 0;  // since then every beat came in time; 0: not now
+  bool beaten_ = false;  // owner_ is in `processes`
+  std::int64_t steady_since_ms_ =
+      0;  // every report since then was in time; 0 = the last one was not
   std::jthread thread_;
 };
 

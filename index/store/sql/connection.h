@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// One connection to a database that speaks SQL, whichever it is: statements with numbered
-// parameters (?, ?1, ?2, ...) in the SQL that all databases share, and the few words in
-// which they differ. Private to index/store/. A connection is used by one thread at a time, and
-// throws its own database's exceptions or Error; Access lets out only Error.
+// One connection to any SQL database: statements with numbered parameters (?, ?1, ?2, ...) in the
+// SQL that all databases share, and the few expressions that differ. Private to index/store/. One
+// thread uses a connection at a time. It throws its own database's exceptions or Error; Access
+// throws only Error.
 #pragma once
 
 #include <condition_variable>
@@ -39,7 +39,7 @@ struct SqlPointer {
   const char* type = nullptr;
 };
 
-// A prepared statement. Blobs that are bound are not copied: they must outlive the statement's run.
+// A prepared statement. Bound blobs are not copied: they must outlive the statement's run.
 class Statement {
  public:
   virtual ~Statement() = default;
@@ -52,9 +52,9 @@ class Statement {
   virtual void BindNull(int index) = 0;
   virtual void Bind(int index, const SqlPointer& value) = 0;
 
-  virtual bool Step() = 0;             // the next row; false: there is none
-  virtual std::int64_t Changed() = 0;  // rows that it has changed, once it has run
-  // Before it runs again. Clears nothing that is bound.
+  virtual bool Step() = 0;             // the next row; false = no further row
+  virtual std::int64_t Changed() = 0;  // number of changed rows, after the run
+  // Call it before the next run. Keeps the bound values.
   virtual void Reset() noexcept = 0;
   virtual void ClearBindings() noexcept = 0;
 
@@ -70,12 +70,12 @@ class FeatureCache;
 
 using SqlValue = std::variant<std::int64_t, std::string, SqlPointer>;
 
-// SQL that is put together from pieces, with what is bound to its parameters.
+// SQL built from pieces, with the values of its parameters.
 struct Query {
   std::string sql;
   std::vector<SqlValue> values = {};
 
-  // The parameter that the value is bound to, as text of SQL.
+  // Binds the value. Returns its parameter as SQL text.
   template <typename Value>
   std::string Bind(Value value) {
     values.emplace_back(std::move(value));
@@ -83,11 +83,11 @@ struct Query {
   }
 };
 
-// A prepared statement on loan; reset and given back at the end of its scope, so that no read
+// A borrowed prepared statement. The end of its scope resets and returns it, so that no read
 // transaction outlives it.
 class Cursor {
  public:
-  // `sql`: the key of the owner's idle statements; nullptr = it is not kept.
+  // `sql`: the key in the owner's idle statements; nullptr = do not keep it.
   Cursor(Connection& owner, const std::string* sql, std::unique_ptr<Statement> statement)
       : owner_(&owner), sql_(sql), statement_(std::move(statement)) {}
   ~Cursor();
@@ -106,7 +106,7 @@ class Cursor {
     return *this;
   }
   bool Next() { return statement_->Step(); }
-  std::int64_t Run() {  // how many rows it has changed
+  std::int64_t Run() {  // returns the number of changed rows
     while (statement_->Step()) {
     }
     return statement_->Changed();
@@ -152,50 +152,49 @@ class Connection {
  public:
   virtual ~Connection() = default;
 
-  Cursor Prepare(std::string_view sql);  // one of a limited number of texts: it is kept
+  Cursor Prepare(std::string_view sql);  // keeps the statement: use only a limited number of texts
   Cursor Prepare(const Query& query);
   // First column of the first row of a statement without parameters.
   std::int64_t Scalar(std::string_view sql) { return Prepare(sql).One().Int(0); }
   virtual void Exec(const std::string& sql) = 0;  // statements without parameters and results
 
-  // Transactions. What reads sees one state; what writes is the only one that does.
+  // Transactions. A reader sees one state. There is only one writer.
   virtual void BeginRead() = 0;
   virtual void BeginWrite() = 0;
   virtual void Commit() = 0;
-  virtual void Rollback() noexcept = 0;  // what is open, if anything; never fails visibly
-  // Whether the transaction that was begun can go on after a statement has failed, with ROLLBACK
-  // TO.
+  virtual void Rollback() noexcept = 0;  // any open transaction; ignores failures
+  // Whether the transaction can continue after a failed statement, with ROLLBACK TO.
   virtual bool InTransaction() const = 0;
 
-  // Whether a transaction that writes is the only one until this process ends it, or ends; else the
-  // database may end it, and each further statement fails.
+  // Whether a writing transaction stays the only one until this process ends it, or exits.
+  // Otherwise the database can end it, and each further statement fails.
   virtual bool KeepsItsTurn() const = 0;
 
   // Whether it can be used again.
   virtual bool IsGood() const { return true; }
 
-  // Features that were read lately, where it is worth to keep them; and FeatureCache's epoch.
+  // The cache of recently read features, for databases that need one, and its epoch (FeatureCache).
   virtual FeatureCache* feature_cache() { return nullptr; }
   virtual std::uint64_t epoch() const { return 0; }
 
-  // Where the databases differ, as text of SQL.
-  // Whether `expression` is one of the keys bound to `parameter`.
+  // The differences between databases, as SQL text. Whether `expression` is one of the keys bound
+  // to `parameter`.
   virtual std::string IsAmong(const std::string& expression,
                               const std::string& parameter) const = 0;
-  // Whether the metadata of image `table` pass. The filter must outlive the query's run.
+  // Whether the metadata of image `table` pass the filter, which must outlive the query's run.
   virtual std::string Passes(Query& query, const std::string& table,
                              const Filter& filter) const = 0;
-  // Counts values of metadata over a query whose columns are `item`, which a value counts once for,
-  // and `metadata`, as MetadataOf gives it; rows of an item come one after the other.
+  // Counts values of metadata over a query with the columns `item` and `metadata` (as from
+  // MetadataOf). A value counts once per item. The rows of an item are adjacent.
   virtual std::string MetadataOf(const std::string& table) const { return table + ".metadata"; }
   virtual std::vector<Facet> CountFacets(const Query& listed, const std::vector<std::string>& keys);
-  // Whether each of the words of `text` occurs in one of the columns, whatever its case. The
-  // columns are names of `images` (p) or `objects` (o).
+  // Whether each word of `text` occurs in one of the columns, in any case. The columns are names of
+  // `images` (p) or `objects` (o).
   virtual std::string Contains(Query& query, const std::string& text,
                                const std::vector<std::string>& columns) const = 0;
 
  protected:
-  // `kept`: it will run again; else another one that is not kept may be made when it has run.
+  // `kept`: it will run again. Otherwise another one that is not kept can replace it after its run.
   virtual std::unique_ptr<Statement> Make(const std::string& sql, bool kept) = 0;
   virtual void ThrowRowMissing() = 0;  // for Cursor::One
   void ForgetStatements() { idle_.clear(); }
@@ -212,9 +211,9 @@ class ConnectionPool {
   struct Options {
     std::function<std::unique_ptr<Connection>()> open;
     std::size_t most_lent = std::numeric_limits<std::size_t>::max();
-    std::size_t most_idle = 16;  // that are kept
+    std::size_t most_idle = 16;  // kept idle connections
     int wait_ms = 0;             // for one of most_lent
-    std::string database = {};   // as people call it
+    std::string database = {};   // its name for people
   };
   explicit ConnectionPool(Options options) : options_(std::move(options)) {
     idle_.reserve(options_.most_idle);  // so that GiveBack does not throw
@@ -228,7 +227,7 @@ class ConnectionPool {
     const std::lock_guard lock(mutex_);
     return lent_ + idle_.size();
   }
-  std::uint64_t waits() const {  // times that somebody waited for a free one
+  std::uint64_t waits() const {  // number of waits for a free connection
     const std::lock_guard lock(mutex_);
     return waits_;
   }

@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Candidate cache: encoded features of images that were verified lately, for databases that are
-// not on this machine. An image's key stands for one state of it, so what is kept stays true.
-// Thread-safe.
+// Candidate cache: encoded features of recently verified images, for databases on other machines.
+// An image's key identifies one state of it, so that entries stay valid. Thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -21,8 +20,8 @@ class FeatureCache {
  public:
   explicit FeatureCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
-  // `epoch`: another one than before empties the cache, as a database that lost commits may give
-  // the keys of these again.
+  // `epoch`: a new value empties the cache, because a database that lost commits can give their
+  // keys again.
   std::optional<std::vector<std::uint8_t>> Find(Key image, std::uint64_t epoch);
   void Add(Key image, std::vector<std::uint8_t> encoded, std::uint64_t epoch);
 
@@ -38,7 +37,7 @@ class FeatureCache {
   std::uint64_t epoch_ = 0;
   std::size_t bytes_ = 0;
   std::list<Entry> entries_;  // last used first
-  std::unordered_map<Key, std::list<Entry>::iterator> places_;
+  std::unordered_map<Key, std::list<Entry>::iterator> positions_;
 };
 
 }  // namespace pliant

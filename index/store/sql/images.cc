@@ -277,7 +277,7 @@ std::vector<std::optional<StoredImage>> Catalogue::LoadImages(std::span<const Im
                                                               Load what) {
   return access_.Read([&](Connection& db) {
     std::vector<std::optional<StoredImage>> images(refs.size());
-    std::multimap<Key, std::size_t> wanted;  // places in `images`
+    std::multimap<Key, std::size_t> wanted;  // positions in `images`
     const auto fill = [&](Key key, StoredImage image) {
       const auto [begin, end] = wanted.equal_range(key);
       for (auto at = std::next(begin); at != end; ++at) images[at->second] = image;

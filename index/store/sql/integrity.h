@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Looks for everything that must hold in the rows of a database and does not. Private to
-// index/store/.
+// Finds broken invariants in the rows of a database. Private to index/store/.
 #pragma once
 
 #include <string>
@@ -12,19 +11,18 @@
 
 namespace pliant {
 
-// What the schema cannot say: every image has features that decode, match their checksum, their
-// record and their model; vocabularies are whole and of the collection's model; every image has
-// words of the active vocabulary, inside it, as many as it has keypoints; originals have the hash
-// of their image; no object without images; names and metadata are what the engine accepts; and
-// CheckCounts. Adds a sentence a problem.
+// The invariants outside the schema: every image has features that decode, match their checksum,
+// their record and their model; vocabularies are whole and of the collection's model; every image
+// has words of the active vocabulary, inside it, as many as it has keypoints; originals have the
+// hash of their image; no object without images; the engine accepts names and metadata; and
+// CheckCounts. Adds one sentence per problem.
 void CheckRows(Connection& db, std::vector<std::string>* problems);
 
-// What shows without decoding anything: counts that triggers keep, removals, the model.
+// Checks without decoding: counts kept by triggers, removals, the model.
 void CheckCounts(Connection& db, std::vector<std::string>& problems);
 
-// Whether the originals that are files of `files` (nullptr: there is no such directory) are there
-// and have their hash. A file that is removed meanwhile, with its image, is a problem only in
-// the transaction that was begun before.
+// Whether the originals in `files` (nullptr: no such directory) exist and have their hash. A file
+// removed during the check, with its image, is a problem only in a transaction begun before.
 std::vector<std::string> CheckOriginalFiles(Connection& db, const OriginalStore* files);
 
 }  // namespace pliant

@@ -121,7 +121,7 @@ void ForgetDroppedOriginal(Connection& db, const std::string& sha256) {
   db.Prepare("DELETE FROM dropped_originals WHERE sha256 = ?").Bind(hash).Run();
 }
 
-// What the row becomes when `directory` is asked for.
+// The row for new originals in `directory`.
 OriginalsDirectoryRow Wanted(OriginalsDirectoryRow row, const std::optional<fs::path>& directory) {
   if (!directory) return row;
   row.active = !directory->empty();
@@ -176,7 +176,7 @@ Originals::Originals(Connection& db, const std::string& database,
   takes_new_ = owned_ && row->active;
 }
 
-bool Originals::Settled(Connection& db, const std::optional<fs::path>& directory) const {
+bool Originals::HasClaimed(Connection& db, const std::optional<fs::path>& directory) const {
   const auto row = FindOriginalsDirectory(db);
   if (!row) return !directory || directory->empty();
   const OriginalsDirectoryRow wanted = Wanted(*row, directory);
@@ -291,12 +291,12 @@ bool Originals::RemoveUnreferenced(Connection& db, const std::string& sha256) co
 void OriginalsKeeper::Open(const std::optional<std::filesystem::path>& directory, bool claim) {
   named_ = directory.value_or("");
   const std::string identity = access_.Identity();
-  const bool settled = access_.Read([&](Connection& db) {
+  const bool claimed = access_.Read([&](Connection& db) {
     originals_ = Originals(db, identity, directory);
-    return originals_.Settled(db, directory);
+    return originals_.HasClaimed(db, directory);
   });
   if (!claim) return;
-  if (!settled) access_.WriteAlone([&](Connection& db) { originals_.Claim(db, directory); });
+  if (!claimed) access_.WriteAlone([&](Connection& db) { originals_.Claim(db, directory); });
   if (originals_.owned()) originals_.store()->RemoveAbandoned();
 }
 
@@ -412,8 +412,8 @@ std::optional<OriginalsRecord> OriginalsKeeper::Describe() {
   });
 }
 
-// All but `last`. What is in `to` already is written again: whoever put it there may not have
-// flushed it.
+// Copies all files except `last`. Files that `to` already has are written again, because their
+// writer may not have flushed them.
 void OriginalsKeeper::CopyFiles(const Originals& from, const Originals& to, const std::string& last,
                                 const std::function<void(double)>& progress) {
   const auto total = access_.Read([&](Connection& db) {

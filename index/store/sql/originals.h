@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Where an engine keeps uploaded bytes: in the database, or in a directory that the database
-// remembers. Private to index/.
+// Storage of uploaded bytes: in the database, or in a directory that the database records. Private
+// to index/.
 //
-// A file is written and flushed before the transaction that refers to it, gets its name inside that
-// transaction, and loses it in one that comes after the commit that dropped the last reference. A
-// process that dies in between leaves a file too many, never one too few; Sweep removes those.
+// A file is written and flushed before the transaction that refers to it, and gets its name inside
+// that transaction. When the last reference is dropped, a transaction after that commit removes the
+// file. A process that dies in between leaves an extra file, never a missing one. Sweep removes
+// extra files.
 #pragma once
 
 #include <cstdint>
@@ -27,43 +28,43 @@ namespace pliant {
 class Originals {
  public:
   Originals() = default;
-  // Follows what the database says, or looks into `directory` instead. Changes nothing.
+  // Uses the directory that the database records, or reads `directory` instead. Changes nothing.
   Originals(Connection& db, const std::string& database,
             const std::optional<std::filesystem::path>& directory);
 
-  // Whether new originals go where `directory` wants them, and nothing is left to be claimed.
-  bool Settled(Connection& db, const std::optional<std::filesystem::path>& directory) const;
-  // Makes `directory` (absent: the one the database remembers; empty: the database itself) the
-  // place of new originals, in the transaction of `db`. Throws kConflict "originals_foreign" for
-  // another database's directory, kNotFound "originals_missing" when the files that images refer
-  // to are not in it, and kNotFound "no_such_directory".
+  // Whether new originals already go to `directory`, so that Claim has no work.
+  bool HasClaimed(Connection& db, const std::optional<std::filesystem::path>& directory) const;
+  // Makes `directory` (absent: the recorded one; empty: the database itself) the location of new
+  // originals, in the transaction of `db`. Throws kConflict "originals_foreign" for another
+  // database's directory, kNotFound "originals_missing" if files of images are missing in it, and
+  // kNotFound "no_such_directory".
   void Claim(Connection& db, const std::optional<std::filesystem::path>& directory);
 
-  // Whether the files are to be copied to `directory` before it is claimed: they are in another
-  // one, which is this database's.
+  // Whether the files must be copied to `directory` before Claim: they are in another directory of
+  // this database.
   bool AreElsewhere(Connection& db, const std::filesystem::path& directory) const;
-  // Makes `directory` this database's, to be filled; the database does not say so before Record.
-  // Throws like Claim, but for "originals_missing".
+  // Makes this database the owner of `directory`, so that it can be filled. The database does not
+  // record this before Record. Throws like Claim, except "originals_missing".
   void Prepare(Connection& db, const std::filesystem::path& directory);
   void Record(Connection& db);
 
-  // Where files are at the moment: another process may have moved them. nullopt = in the database.
+  // The present directory of files, which another process can change. nullopt = the database.
   std::optional<OriginalStore> Present(Connection& db) const;
 
   const OriginalStore* store() const { return store_ ? &*store_ : nullptr; }
-  bool owned() const { return owned_; }          // files may be removed
+  bool owned() const { return owned_; }          // this database can remove files
   bool takes_new() const { return takes_new_; }  // into the directory
 
   // The flushed file for Keep; nullptr when new originals go into the database.
   std::unique_ptr<IncomingOriginal> Receive(const std::string& sha256, Bytes bytes) const;
-  // In the writer's transaction: `image` has `bytes`, which are `incoming` if there is one. They
-  // go into the database where another process has moved the files meanwhile.
+  // In the writer's transaction: stores the `bytes` of `image`, which are `incoming` if that is
+  // set. They go into the database if another process has moved the files meanwhile.
   void Keep(Connection& db, Key image, Bytes bytes, IncomingOriginal* incoming) const;
-  // Removes files whose last image is gone. In a transaction of its own (WriteOptions::alone),
-  // after the commit that dropped it: in one with others' work it would remove files of images
-  // whose removal is not committed, and may never be.
+  // Removes files without images. In its own transaction (WriteOptions::alone), after the commit
+  // that dropped the last image. With other work in the transaction, it would remove files of
+  // images whose removal can still be rolled back.
   void RemoveDropped(Connection& db) const;
-  // Removes the file unless an image refers to it. In a transaction of its own, too.
+  // Removes the file unless an image refers to it. Also in its own transaction.
   bool RemoveUnreferenced(Connection& db, const std::string& sha256) const;
 
  private:
@@ -79,14 +80,14 @@ class Originals {
   bool takes_new_ = false;
 };
 
-// The uploaded bytes of an opened store: kept with an image, read, restored, tidied, moved.
-// Private to index/store/. Thread-safe after Open.
+// The uploaded bytes of an opened store: stores, reads, restores, cleans up and moves them. Private
+// to index/store/. Thread-safe after Open.
 class OriginalsKeeper {
  public:
   explicit OriginalsKeeper(Access* access) : access_(*access) {}
 
-  // A program that adds images makes the directory its own (`claim`); any other only reads and
-  // tidies.
+  // A program that adds images makes its database the owner of the directory (`claim`). Other
+  // programs only read and clean up.
   void Open(const std::optional<std::filesystem::path>& directory, bool claim);
 
   const Originals& originals() const { return originals_; }
@@ -104,7 +105,7 @@ class OriginalsKeeper {
                            const std::function<void(double)>& progress);
 
  private:
-  // The files of `from` into the directory of `to`, which Prepare made ready.
+  // Copies the files of `from` to the directory of `to`, which Prepare has prepared.
   MoveOriginalsResult Carry(const Originals& from, Originals* to,
                             const std::function<void(double)>& progress);
   void CopyFiles(const Originals& from, const Originals& to, const std::string& last,
@@ -112,7 +113,7 @@ class OriginalsKeeper {
 
   Access& access_;
   Originals originals_;
-  std::filesystem::path named_;  // by who opened; empty = as recorded, or the database
+  std::filesystem::path named_;  // given on opening; empty = as recorded, or the database
 };
 
 }  // namespace pliant

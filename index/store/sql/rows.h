@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of collections, objects, images and vocabularies: one function a statement or two. Private
-// to index/store/. Functions that write must run inside a transaction (WriteQueue).
+// Rows of collections, objects, images and vocabularies: one or two statements per function.
+// Private to index/store/. Functions that write must run inside a transaction (WriteQueue).
 #pragma once
 
 #include <cstdint>
@@ -47,7 +47,7 @@ struct ImageRow {
 
 // store.cc
 ModelRow ReadModel(Connection& db);
-// Of a new database: its model, and the collection "default".
+// For a new database: its model, and the collection "default".
 void InsertFirstRows(Connection& db, const DescriptorInfo& model);
 
 // collections.cc
@@ -63,8 +63,8 @@ Key FindObject(Connection& db, Key collection, const std::string& name);  // 0 =
 std::uint64_t CountImagesOf(Connection& db, Key object);
 std::uint64_t CountImagesIn(Connection& db, Key collection);
 
-// images.cc
-// SELECT ... FROM images p, with its collection c and its object o, and what a row of it is.
+// images.cc SELECT ... FROM images p, with its collection c and its object o, and the record of a
+// row.
 extern const std::string kSelectImage;
 ImageRow ToImage(const Cursor& row);
 // A SHA-256 in hex digits; no bytes, which match nothing, when it is not hex.
@@ -74,20 +74,20 @@ ImageRow RequireImage(Connection& db, const std::string& collection,
 std::optional<ImageRow> FindImage(Connection& db, Key collection, const std::string& id);
 Key KeyOfImage(Connection& db, Key collection, const std::string& id);  // 0 = none
 std::optional<ImageRow> FindImageByKey(Connection& db, Key key);
-// `image.record` with `image.object` as its object; returns the new key.
+// Inserts `image.record` with `image.object` as its object. Returns the new key.
 Key InsertImage(Connection& db, Key collection, const ImageRow& image);
-// Makes it one of `object` (0 = none), by a new key, so that indexes in memory hear of it, with its
-// features, words and original. Also removes an object that has no image left.
+// Moves the image to `object` (0 = none), with its features, words and original. It gets a new key,
+// so that indexes in memory notice. Also removes an object without images.
 void MoveImage(Connection& db, Key collection, const ImageRow& image, Key object);
 // Also removes an object that has no image left.
 void DeleteImage(Connection& db, const ImageRow& image);
 std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key image);  // or kCorrupt
-// In the order of the keys, none of which comes twice; or kCorrupt.
+// In the order of the keys, which must be distinct; or kCorrupt.
 std::vector<std::vector<std::uint8_t>> ReadFeaturesBlobs(Connection& db,
                                                          std::span<const Key> images);
-// The image that `request` would only store once more. Without an id the bytes say which image
-// is meant. Its object and its metadata must not change, nor stay, in silence: kConflict
-// "same_bytes". What the request leaves out is not compared.
+// The stored image that `request` would only repeat. Without an id the bytes identify the image.
+// Then another object or other metadata is kConflict "same_bytes". Fields that the request omits
+// are not compared.
 std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
                                            const AddRequest& request, const std::string& sha256);
 
@@ -98,7 +98,7 @@ std::vector<ImageRecord> SelectImages(Connection& db, Key collection, const List
 // Stores the words as rows; not ready yet. Returns the key.
 Key InsertVocabulary(Connection& db, Key collection, Key model, const Vocabulary& vocabulary);
 void MarkVocabularyReady(Connection& db, Key vocabulary);
-// `automatic`: nobody chose it.
+// `automatic`: not on request.
 void SetActiveVocabulary(Connection& db, Key collection, Key vocabulary, bool automatic);
 // Throws kCorrupt when rows are missing or do not match their checksum.
 std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary);
@@ -106,7 +106,7 @@ std::shared_ptr<const Vocabulary> ReadVocabulary(Connection& db, Key vocabulary)
 std::vector<VocabularyRecord> SelectVocabularies(Connection& db, const CollectionRow& collection);
 std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionRow& collection,
                                                Key vocabulary);
-// Does nothing when the image is gone.
+// Does nothing if the image was removed.
 void InsertImageWords(Connection& db, Key vocabulary, Key image, const Bow& bow);
 
 }  // namespace pliant

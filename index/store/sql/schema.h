@@ -5,11 +5,11 @@
 
 namespace pliant {
 
-// Statements that make them, as in a database file; a database on a server has other names for the
-// types (postgres/schema.cc). A file of schema 1 must have them to the letter: the checks of a
-// database compare the text, with the comments inside of statements. Each database adds the table
-// `removals` and the triggers, which keep the counts of collections, note removals and dropped
-// originals, and remove what belongs to a job.
+// Statements that create them, as in a database file. A database server has other names for the
+// types (postgres/schema.cc). A file of schema 1 must have exactly this text: the checks of a
+// database compare it, with the comments inside statements. Each database adds the table `removals`
+// and the triggers, which keep the counts of collections, note removals and dropped originals, and
+// remove what belongs to a job.
 extern const char* const kTables;
 
 }  // namespace pliant

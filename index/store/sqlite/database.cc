@@ -143,8 +143,7 @@ void CreateDatabase(const fs::path& path, const DescriptorInfo& model) {
 void CopyDatabase(SqliteConnection& source, const fs::path& target, const std::stop_token& stop) {
   SQLite::Database copy(fs::absolute(target).string(),
                         SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-  // Held from before the first step to behind the last: else what others write meanwhile would
-  // begin the copy anew.
+  // Held during all steps: otherwise a write by another process would restart the copy.
   const SQLite::Transaction reading(source.database());
   source.Scalar("SELECT count(*) FROM sqlite_schema");
   SQLite::Backup backup(copy, source.database());

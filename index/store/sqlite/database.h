@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The database file: made whole or not at all, recognised before it is touched. Private to
+// The database file: created completely or not at all, recognised before it is opened. Private to
 // index/.
 #pragma once
 
@@ -23,7 +23,7 @@ void MakeTables(SQLite::Database& database);
 enum class FileState { kAbsent, kEmpty, kPliant };
 
 // Looks at the file's first bytes without opening it with SQLite. Throws kCorrupt "not_a_database"
-// (something else lies there; it stays untouched) or "database_truncated", kNotFound when it cannot
+// (another kind of file, which stays unchanged) or "database_truncated", kNotFound when it cannot
 // be read.
 FileState InspectDatabaseFile(const std::filesystem::path& path);
 
@@ -36,9 +36,9 @@ void CreateDatabase(const std::filesystem::path& path, const DescriptorInfo& mod
 void CopyDatabase(SqliteConnection& source, const std::filesystem::path& target,
                   const std::stop_token& stop = {});
 
-// Copies it to the new file `target`, whole or not at all: temporary file, fsync, rename.
-// What killed processes have left in that directory is removed first.
-// Throws kConflict "backup_exists" when `target` exists.
+// Copies it to the new file `target`, completely or not at all: temporary file, fsync, rename.
+// First removes files of killed processes from that directory. Throws kConflict "backup_exists"
+// when `target` exists.
 void BackupDatabase(SqliteConnection& source, const std::filesystem::path& target,
                     const std::stop_token& stop = {});
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Looks for everything that must hold in a database file and does not. Private to index/.
+// Finds broken invariants in a database file. Private to index/.
 #pragma once
 
 #include <string>
@@ -10,23 +10,23 @@
 
 namespace pliant {
 
-// Whether a database's tables, indices and triggers are Pliant's. A file from elsewhere may have a
-// view in place of a table, on which a query never ends, or a trigger that works on every write.
-// Everything in the schema must be, to the letter, what MakeTables makes, and all of that must be
-// there. The operator's own tables, indices and views are left, but triggers are refused. One
-// sentence a problem; empty = sound, or of another version than this program's.
+// Whether a database's tables, indices and triggers are Pliant's. A malicious file can have a view
+// instead of a table, on which a query never ends, or a trigger that runs on every write. The
+// schema must contain everything that MakeTables creates, with exactly the same text. The
+// operator's own tables, indices and views are allowed, but triggers are refused. Returns one
+// sentence per problem; empty = sound, or of another schema version.
 std::vector<std::string> CheckSchema(SqliteConnection& db);
 
-// The schema, SQLite's own checks, foreign keys, and that keys are never used again. Adds a
-// sentence a problem. False: the schema is not Pliant's, and nothing may be asked of its tables, as
-// the answer might never end.
+// The schema, SQLite's own checks, foreign keys, and that keys are never used again. Adds one
+// sentence per problem. false: the schema is not Pliant's; its tables must not be read, as a query
+// can run for ever.
 bool CheckStructure(SqliteConnection& db, std::vector<std::string>* problems);
 
 // The same, and CheckRows (sql/integrity.h); empty = sound.
 std::vector<std::string> CheckDatabase(SqliteConnection& db);
 
-// What shows without decoding anything: the schema, SQLite's quick check, and in databases of this
-// schema counts and keys. The first problem is enough.
+// Checks without decoding: the schema, SQLite's quick check, and in databases of this schema counts
+// and keys. Stops at the first problem.
 std::vector<std::string> QuickCheck(SqliteConnection& db);
 
 }  // namespace pliant

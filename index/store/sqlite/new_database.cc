@@ -85,7 +85,7 @@ bool MayBeDatabase(const fs::path& path) {
 // side files that have outlived theirs; how many.
 std::uint64_t RemoveDatabases(const fs::path& directory,
                               const std::function<bool(const fs::path&)>& is_ours) {
-  std::error_code ignored;  // whoever cannot list or remove leaves things as they are
+  std::error_code ignored;  // without permission, nothing changes
   std::set<fs::path> abandoned;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory, ignored)) {
     const fs::path main = directory / WithoutSuffix(entry.path().filename().string());
@@ -132,7 +132,7 @@ bool NewDatabaseFile::Publish(const fs::path& name, Over over) {
   try {
     SyncDirectoryOf(name);
   } catch (...) {
-    // Power loss may take it yet; whoever tries again must not find it and believe that it is done.
+    // Power loss can still remove it: a later try must not find it and take it for complete.
     if (over == Over::kNothing) ::unlink(name.c_str());
     throw;
   }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Database files that are being made, and how they get their names. Private to index/.
+// New database files, until they get their names. Private to index/.
 #pragma once
 
 #include <filesystem>
@@ -9,10 +9,10 @@
 
 namespace pliant {
 
-// A database in the making: an empty file that only its owner may read, because a database holds
-// people's images (whoever wants others to read it changes the mode afterwards, and SQLite's side
-// files follow). It is locked, by flock(), which SQLite does not use: one that nobody locks is of a
-// process that was killed. Removed with its side files unless it has got another name.
+// A new database: an empty file that only its owner can read, because a database contains people's
+// images. (To let others read it, change its mode afterwards; SQLite's side files follow.) It is
+// locked by flock(), which SQLite does not use: without a lock, its process was killed. Removed
+// with its side files unless it was published.
 class NewDatabaseFile {
  public:
   // Throws what ThrowErrno throws.
@@ -25,9 +25,9 @@ class NewDatabaseFile {
 
   enum class Over { kNothing, kEmptyFile, kAnything };
 
-  // Flushes it and gives it its name unless that is taken by more than `over` says; false = taken.
-  // What throws with kNothing leaves no file of that name.
-  // No connection may be open on it: closing the lock ends all locks that SQLite holds.
+  // Flushes it and gives it its name unless a file has the name that `over` does not allow to
+  // replace; then false. After an exception with kNothing, no file has that name. No connection to
+  // it must be open: closing the lock releases all locks of SQLite.
   bool Publish(const std::filesystem::path& name, Over over);
 
  private:
@@ -35,8 +35,8 @@ class NewDatabaseFile {
   FileHandle file_;
 };
 
-// Removes what killed processes have left of databases in the making beside `database`, of that
-// name. Those that are being made by living ones are locked and stay.
+// Removes the new databases of killed processes beside `database`, of that name. Those of living
+// processes are locked and stay.
 void RemoveAbandoned(const std::filesystem::path& database);
 
 }  // namespace pliant

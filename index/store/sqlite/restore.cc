@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// A backup put in place of a database.
+// Restores a database from a backup.
 #include <cerrno>
 #include <optional>
 #include <string>
@@ -124,10 +124,10 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
 
 std::string TimeSuffix() { return kAside + FormatUtc(NowMs(), "%Y%m%dT%H%M%SZ"); }
 
-// What is there gets a second name, with its log; then the log loses its first one, so that it can
-// never be taken for the new database's. If the power fails between that and the new file's name,
-// the old one is there without its log (EmptyLog: only a damaged one has any), which is under the
-// second name: the restoring is begun anew. Returns the second name; empty = nothing was there.
+// Gives an existing database and its log a second name. Then the log loses its first name, so that
+// it is never taken for the new database's. If the power fails before the new file has its name,
+// the old database has no log (EmptyLog: only a damaged one has a log), which is under the second
+// name: restore again. Returns the second name; empty = there was no database.
 fs::path SetAside(const fs::path& database) {
   const fs::path aside = WithSuffix(database, TimeSuffix());
   bool found = false;

@@ -17,11 +17,11 @@
 
 namespace pliant {
 
-// Throws the Error that stands for `error`; the message names the database file.
+// Throws the Error for `error`; the message names the database file.
 [[noreturn]] void ThrowAsError(const SQLite::Exception& error,
                                const std::filesystem::path& database);
 
-// Runs `work` and lets out only Error (and what is no database error at all).
+// Runs `work` and throws only Error (and exceptions that are not database errors).
 template <typename Work>
 auto WithDatabaseErrors(const std::filesystem::path& database, Work&& work) {
   try {
@@ -33,8 +33,8 @@ auto WithDatabaseErrors(const std::filesystem::path& database, Work&& work) {
 
 class SqliteConnection : public Connection {
  public:
-  // kReadCopy: a file that nobody works on, such as a backup. While it has no log it is read
-  // without making any beside it.
+  // kReadCopy: a file that no process uses, such as a backup. If it has no log, reading creates
+  // none.
   enum class Mode { kReadOnly, kReadWrite, kReadCopy };
 
   // Opens a file that InspectDatabaseFile (database.h) has checked, and sets the pragmas of a
@@ -63,8 +63,8 @@ class SqliteConnection : public Connection {
   [[noreturn]] void ThrowRowMissing() override;
 
  private:
-  // What is bound to its statements at the moment, by the numbers that stand for it in SQL. Before
-  // what uses it.
+  // The values bound to its statements, by their numbers in SQL. Declared before the members that
+  // use it.
   std::map<std::int64_t, SqlPointer> bound_;
   SQLite::Database database_;
 };
