@@ -87,7 +87,7 @@ def retrieval(report):
 
     names = list(dict.fromkeys(map(name_of, rows)))
     figure, axes = new_figure(
-        "Retrieval: accuracy over K", f"{report['queries']} queries, {report['images']} images of "
+        "Retrieval: accuracy over K", f"{report['queries']} queries, {report['pictures']} images of "
         f"{report['objects']} objects, {report['distractors']} distractors; mean and spread of {report['seeds']} seeds",
         len(protocols))
     for axis, protocol in zip(axes, protocols, strict=True):
