@@ -77,13 +77,7 @@ void BindTracking(py::module_& module) {
         options.every = every;
         return OpenFrames(path, options);
       }))
-      .def("next", &NextFrame)
-      .def_property_readonly("skipped", [](const FrameSource& source) {
-        py::list skipped;
-        for (const SkippedFile& s : source.skipped())
-          skipped.append(py::make_tuple(py::bytes(s.file), s.code, py::bytes(s.reason)));
-        return skipped;
-      });
+      .def("next", &NextFrame);
   py::class_<Tracker>(module, "Tracker")
       .def(py::init(&MakeTracker), py::arg(), py::arg().noconvert(), py::arg(),
            py::arg().noconvert(), py::arg(), py::arg(), py::arg(), py::arg(), py::arg(), py::arg(),
