@@ -14,8 +14,8 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/stopwatch.h"
-#include "descriptor/image/image.h"
 #include "descriptor/drawing/drawing.h"
+#include "descriptor/image/image.h"
 #include "descriptor/warp/unwarp.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
