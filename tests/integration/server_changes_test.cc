@@ -150,7 +150,7 @@ TEST_F(ChangesTest, AnObjectIsRenamedOrJoinsAnother) {
   EXPECT_EQ(Read(MakeImage("b"))["object"], "tea mug");
   const auto taken = Patch(Object("cup"), R"({"object": "tea mug"})");
   ExpectProblem(taken, 409, "object_exists");
-  EXPECT_THAT(taken->body, HasSubstr("of 2 images"));
+  EXPECT_THAT(taken->body, HasSubstr("with 2 images"));
   EXPECT_EQ(Changed(Object("cup") + "?merge=true", R"({"object": "tea mug"})")["images"], 3);
   EXPECT_EQ(client_->Get(Object("cup"))->status, 404);
   EXPECT_EQ(Read(MakeImage("c"))["object"], "tea mug");
