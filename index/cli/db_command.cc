@@ -67,7 +67,7 @@ ExitStatus Initialize(Options& options) {
   if (options.json) {
     PrintJson({{"database", PathText(options.engine.database)}});
   } else {
-    Print("the database has Pliant's tables");
+    Print("the database has all tables");
   }
   return ExitStatus::kDone;
 }
@@ -168,12 +168,12 @@ void Advise(const std::optional<OriginalsRecord>& originals,
   });
   if (of_files > 0) {
     Message(
-        "originals are files of {} and in no backup: mount that directory, put a copy of it there, "
-        "or name the one that has them with --originals-dir",
+        "a backup does not contain the originals in {}: mount that directory, restore a copy of "
+        "it, or name another directory with --originals-dir",
         directory);
   }
   if (of_files == std::ssize(problems)) return;
-  Message("to go back to a backup: pliant db restore BACKUP --db FILE --replace");
+  Message("to restore a backup: pliant db restore BACKUP --db FILE --replace");
 }
 
 ExitStatus Check(Options& options) {
@@ -234,8 +234,8 @@ ExitStatus Restore(Options& options) {
     return ExitStatus::kDone;
   }
   Print("restored {}, {} images", options.engine.database.string(), result.images);
-  if (!result.before.empty()) Print("the database before is now {}", result.before.string());
-  Message("API keys are those of the backup: revoke again what was revoked since");
+  if (!result.before.empty()) Print("the previous database is now {}", result.before.string());
+  Message("the API keys are now the keys of the backup: revoke again the keys revoked since");
   return ExitStatus::kDone;
 }
 
@@ -270,17 +270,17 @@ ExitStatus Copy(Options& options) {
                {"rankings_compared", compared.compared},
                {"differences", differences}});
   } else {
-    Print("copied {} images, {} were there, of {} collections; {} vocabularies, {} API keys",
+    Print("copied {} images ({} already there) of {} collections, {} vocabularies, {} API keys",
           result.copied, result.unchanged, result.collections, result.vocabularies, result.keys);
     Print("compared {} rankings: {}", compared.compared,
           differences.empty() ? "all the same" : fmt::format("{} differ", differences.size()));
     for (const std::string& difference : differences) Print(difference);
   }
   if (result.extra > 0) {
-    Message("{} images of the copy are no longer, or were never, in the source", result.extra);
+    Message("{} images of the copy are not in the source", result.extra);
   }
   if (result.without_content > 0) {
-    Message("{} images have no uploaded bytes to copy", result.without_content);
+    Message("{} images have no original to copy", result.without_content);
   }
   return differences.empty() ? ExitStatus::kDone : ExitStatus::kFailed;
 }
@@ -320,8 +320,8 @@ ExitStatus Export(Options& options) {
   if (!to_output && !npz && options.out.extension() != ".ndjson") {
     throw Error(ErrorCode::kInvalidArgument, "bad_export_name",
                 file +
-                    ": features are exported as .npz (NumPy), records as .ndjson; end the name in "
-                    "one of them, or give - for records on standard output");
+                    ": unknown type of export; end the name in .npz (features, NumPy) or .ndjson "
+                    "(records), or give - for records on standard output");
   }
   CheckWritable(options.out);
   Engine engine = Open(options.engine, Access::kRead);
@@ -358,14 +358,15 @@ ExitStatus MoveOriginals(Options& options) {
     Print("moved the originals of {} images", result.moved);
   }
   if (result.left == 0) return ExitStatus::kDone;
-  Message("skipped {}: their files are missing or damaged; `pliant db check` names them",
+  Message("skipped {} images: their files are missing or damaged; `pliant db check` names them",
           result.left);
   return ExitStatus::kSomeSkipped;
 }
 
 ExitStatus Remove(Options& options) {
   if (options.ids.empty() && options.objects.empty()) {
-    throw Error(ErrorCode::kInvalidArgument, "nothing_named", "give image ids or --object");
+    throw Error(ErrorCode::kInvalidArgument, "nothing_named",
+                "specify which images to remove: image ids or --object");
   }
   Engine engine = Open(options.engine, Access::kWrite);
   std::uint64_t removed = 0;
@@ -385,7 +386,7 @@ ExitStatus Remove(Options& options) {
   if (options.json) {
     PrintJson({{"removed", removed}, {"missing", missing}});
   } else {
-    for (const std::string& id : missing) Message("skipped {}: it is not in the index", id);
+    for (const std::string& id : missing) Message("skipped {}: no image has this id", id);
     Print("removed {}", removed);
   }
   return missing.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
@@ -404,8 +405,9 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                        const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
     AddDatabaseFlag(*sub, options->engine);
-    AddOriginalsFlag(*sub, options->engine,
-                     "directory of the originals (default: as the database remembers)");
+    AddOriginalsFlag(
+        *sub, options->engine,
+        "directory of the originals (default: the directory recorded in the database)");
     AddJsonFlag(*sub, options->json);
     sub->footer("Example:  pliant db " + example);
     sub->callback([=, &status] { status = run(*options); });
@@ -419,7 +421,7 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("NAME");
   add("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
-                 "also remove files of the originals' directory that no image refers to");
+                 "also remove unreferenced files from the directory of the originals");
   add("backup", "Copy the database to a new file, even while it is in use", Backup,
       "backup monday.db --db my.db")
       ->add_option("FILE", options->backup, "the new file")
@@ -428,12 +430,12 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                           "restore monday.db --db my.db --replace");
   restore->add_option("FILE", options->backup, "the backup, which stays unchanged")->required();
   restore->add_flag("--replace", options->replace,
-                    "replace an existing database, which is kept under another name");
+                    "replace an existing database, and keep it under another name");
   CLI::App* copy = add("copy", "Copy everything into another database, a file or a URL", Copy,
                        "copy postgresql://pliant@host/pliant --db my.db");
-  copy->add_option("TO", options->copy.to, "the other database; a stopped copy is continued there")
+  copy->add_option("TO", options->copy.to, "the other database; run again to resume a stopped copy")
       ->required();
-  copy->add_option("--compare", options->compare, "rankings of both to compare afterwards");
+  copy->add_option("--compare", options->compare, "number of rankings to compare afterwards");
   copy->add_option("--commit-every", options->copy.commit_every,
                    "images per commit; fewer if they reach 64 MiB")
       ->check(Between(1, 1000));

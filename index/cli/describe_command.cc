@@ -73,7 +73,7 @@ ExitStatus DescribeAll(const Options& options) {
   if (images == 0) {
     ReportSkipped(folder.skipped);
     throw Error(ErrorCode::kUnprocessable, "no_images",
-                root + " holds no image that can be described");
+                root + " contains no image that can be described");
   }
   WriteFolderFeatures(options.out, folder.images);
   std::size_t keypoints = 0;
@@ -99,10 +99,11 @@ ExitStatus DescribeAll(const Options& options) {
 
 ExitStatus Run(const Options& options) {
   if (options.out.extension() != ".npz" && options.out != kStandardOutput) {
-    throw Error(ErrorCode::kInvalidArgument, "bad_features_name",
-                PathText(options.out) +
-                    ": features are written as .npz (NumPy); end the name in .npz, or give - for "
-                    "standard output");
+    throw Error(
+        ErrorCode::kInvalidArgument, "bad_features_name",
+        PathText(options.out) +
+            ": unknown type of output; end the name in .npz (NumPy), or give - for standard "
+            "output");
   }
   CheckOutput(options.out, "--out", options.json);
   std::error_code error;  // reading it says what is wrong
@@ -140,7 +141,7 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
       "describe",
       "Write the keypoints and descriptors of an image, or of a folder's images, for NumPy");
   app->add_option("IMAGE|DIR", options->image,
-                  "the image (- = standard input), or a folder whose images are all described")
+                  "an image, or a folder to describe all its images; - = standard input")
       ->required();
   app->add_option("--out,-o", options->out,
                   "the file to write, as .npz (NumPy); - = standard output")

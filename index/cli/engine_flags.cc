@@ -59,7 +59,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   engine.descriptor.clear();
   app.add_option("--descriptor", engine.descriptor,
                  "the descriptor: " + Join(DescriptorNames(), ", ") +
-                     " (default: that of the database, deal for a new one)")
+                     " (default: the descriptor of the database, deal for a new one)")
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME");
   AddModelFlag(app, engine.descriptor_options.model_path);
@@ -69,7 +69,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   };
   app.add_option_function<int>(
          "--max-keypoints", keypoints,
-         "keypoints per image, strongest first (default: as the database has, "
+         "keypoints per image, strongest first (default: the value of the database, "
          "1024 for a new one)")
       ->check(Between(1, 4096));
   const auto side = [&engine](int value) {
@@ -78,8 +78,8 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   };
   app.add_option_function<int>(
          "--max-side", side,
-         "scale larger images down to this longer side in pixels (default: as "
-         "the database has, 1024 for a new one)")
+         "scale larger images down to this longer side in pixels (default: the "
+         "value of the database, 1024 for a new one)")
       ->check(Between(16, 65536));
 }
 
@@ -114,8 +114,7 @@ void AddTrackingFlags(CLI::App& app, int& every, LocateOptions& locate) {
   app.add_option("--iterations", verification.ransac.iterations, "RANSAC samples per frame")
       ->check(Between(1, 1'000'000));
   app.add_option("--max-ratio", verification.max_ratio,
-                 "ratio test: keep a match if its distance is at most this times that of the "
-                 "second nearest");
+                 "ratio test: largest ratio of the nearest to the second nearest distance");
   app.add_option("--tolerance", verification.tolerance,
                  "largest distance of a match from the warp, relative to the frame's longer side");
   app.add_option("--regularization", verification.ransac.regularization,

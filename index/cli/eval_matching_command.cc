@@ -216,10 +216,9 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
          "tensors or folders (pliant simulate), hpatches, nonrigid; auto: detect from the files")
       ->check(OneOf({"auto", "tensors", "folders", "hpatches", "nonrigid"}))
       ->type_name("NAME");
-  app.add_option(
-         "--descriptor", options.descriptors,
-         "rows of the table, [LABEL:]NAME[=WEIGHTS], separated by commas (default: all of " +
-             KnownDescriptors() + ")")
+  app.add_option("--descriptor", options.descriptors,
+                 "comma-separated rows of the table, [LABEL:]NAME[=WEIGHTS] (default: all of " +
+                     KnownDescriptors() + ")")
       ->delimiter(',')
       ->check(KnownDescriptorChoice())
       ->type_name("NAME,...");
@@ -228,10 +227,10 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
   app.add_option("--seed", matching.seed, "same seed, same pairs");
   app.add_option("--keypoints", matching.max_keypoints, "keypoints per image, strongest first");
   app.add_flag("--enlarge", matching.enlarge,
-               "also use low-contrast keypoints and those of the enlarged images, as the queries "
-               "of `pliant query` do");
+               "also use low-contrast keypoints and keypoints of the enlarged images, like "
+               "`pliant query`");
   app.add_option("--tolerance", matching.tolerance_px,
-                 "distance from the true position, in pixels, up to which a match is correct");
+                 "largest distance of a correct match from the true position, in pixels");
   app.add_option("--min-true-pairs", matching.min_true_pairs,
                  "exclude pairs with fewer common keypoints");
   AddJobsFlag(app, matching.jobs, "threads, one scene each");

@@ -307,19 +307,19 @@ void AddSetFlags(CLI::App& app, Options& options) {
             "how DIR names objects and queries (default: detect from the file names)",
             kRetrievalLayouts);
   app.add_option("--distractors", options.distractors,
-                 "folder of images that show none of the objects; may be given more than once")
+                 "folder of images that show none of the objects; can be repeated")
       ->allow_extra_args(false)
       ->type_name("DIR");
   app.add_option("--absent", options.absent,
-                 "folder of further queries that show none of the objects: each hit is a false "
-                 "alarm; may be given more than once")
+                 "folder of further queries that show none of the objects: each found hit is a "
+                 "false alarm; can be repeated")
       ->allow_extra_args(false)
       ->type_name("DIR");
 }
 
 void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
   AddChoice(app, "--protocol", retrieval.protocols,
-            "paper: 10 visual words, histograms; default: as query does; unexpanded: the same with "
+            "paper: 10 visual words, histograms; default: like query; unexpanded: the same with "
             "--expand 0; unverified: the same without verification (default: paper,default)",
             kRetrievalProtocols);
   app.add_option("--seeds", retrieval.seeds, "number of vocabularies trained for each row")
@@ -333,10 +333,10 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
       ->check(AtLeast(0));
   AddRankFlag(app, retrieval.rank,
-              "ranking of all protocols but the paper's; histogram has no verification (default: "
+              "ranking of all protocols except paper; histogram has no verification (default: "
               "neighbours)");
   app.add_option("--verify-depth", retrieval.verify_depth,
-                 "candidates to verify per query; 0 = as query does")
+                 "candidates to verify per query; 0 = the default of query")
       ->check(Between(0, 1'000'000));
   AddJobsFlag(app, retrieval.jobs, "threads that describe images");
   app.add_option("--cache", retrieval.cache,
@@ -356,8 +356,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
                          retrieval.extraction);
   AddRunFlags(*app, retrieval);
   app->add_option("--peers", options->peers,
-                  "results of another program on the same images, to be listed too; may be given "
-                  "more than once")
+                  "also list these results of another program on the same images; can be repeated")
       ->allow_extra_args(false)
       ->type_name("FILE");
   AddCsvFlag(*app, options->csv, "write the table to this file");

@@ -138,9 +138,9 @@ void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   TrackingBenchmarkOptions& benchmark = options->benchmark;
   CLI::App* app = eval.add_subcommand(
       "tracking", "Track simulated objects with ground truth (simulate --preset sequence)");
-  app->add_option("DIR", options->folder, "scenes, or a folder of such folders (groups)")
+  app->add_option("DIR", options->folder, "folder of scenes, or a folder of such folders (groups)")
       ->required();
-  app->add_option("--descriptor", benchmark.descriptors, "rows of the table, separated by commas")
+  app->add_option("--descriptor", benchmark.descriptors, "comma-separated rows of the table")
       ->delimiter(',')
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME,...");

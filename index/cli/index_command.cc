@@ -32,7 +32,7 @@ struct Outcome {
 };
 
 const char* NamedBy(const ImageFiles& files) {
-  if (files.by_folder) return files.by_stem ? "folder, and by file name outside of one" : "folder";
+  if (files.by_folder) return files.by_stem ? "folder, or by file name outside folders" : "folder";
   return files.by_stem ? "file name" : "nothing";
 }
 
@@ -69,8 +69,8 @@ void PrintText(const Outcome& outcome, const ImageFiles& files) {
   ReportSkipped(job.skipped);
   if (std::ranges::find(job.skipped, "same_bytes", &SkippedFile::code) != job.skipped.end()) {
     Message(
-        "a stored image keeps its object: to change it, remove the image first (pliant db rm "
-        "--object NAME) or rename the object on the web page");
+        "a stored image keeps its object: remove the image first (pliant db rm --object NAME), or "
+        "rename the object on the web page");
   }
   Print("indexed {}, unchanged {}, skipped {} images in {:.1f} s (objects named by {})",
         job.indexed, job.unchanged, job.skipped.size(), outcome.seconds, NamedBy(files));
@@ -123,7 +123,7 @@ ExitStatus Run(Options& options) {
   } else {
     PrintText(outcome, files);
   }
-  if (files.images.empty()) Message("no images were found");
+  if (files.images.empty()) Message("no images found");
   if (outcome.job.interrupted) {
     Message("stopped on request; indexed images are kept: run the same command again to resume");
     return ExitStatus::kFailed;  // of which main makes 130 or 143
@@ -149,9 +149,10 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
   AddJobsFlag(*app, options->job.threads, "threads, one image each");
   app->add_flag("--keep-originals,!--no-originals", options->engine.keep_originals,
                 "also store the image files, for the web page (default: yes)");
-  AddOriginalsFlag(*app, options->engine,
-                   "store them in this directory, or in the `database` (default: keep the current "
-                   "location)")
+  AddOriginalsFlag(
+      *app, options->engine,
+      "store the image files in this directory, or in the `database` (default: keep the "
+      "current location)")
       ->type_name("DIR|database");
   AddExtractionFlags(*app, options->engine);
   AddJsonFlag(*app, options->json);

@@ -163,7 +163,7 @@ std::string Summary(const Result& result) {
   }
   if (result.verification) {
     text += fmt::format("; {} {}", result.verification->inliers.size(),
-                        result.verification->verified() ? "fit one warp" : "fit: not verified");
+                        result.verification->verified() ? "fit one warp" : "inliers: not verified");
   }
   return text;
 }
@@ -323,7 +323,7 @@ class ColmapExport {
       std::string first, second, rest;
       if (!(words >> first) || first[0] == '#') continue;
       if (!(words >> second) || (words >> rest) || first == second) {
-        throw invalid(fmt::format(":{}: a line names two different images", number));
+        throw invalid(fmt::format(":{}: this line must name two different images", number));
       }
       for (const std::string& name : {first, second}) {
         if (names.contains(name)) continue;
@@ -423,16 +423,15 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("B", options->second, "another image of the same object");
   AddExtractionFlags(*app, options->engine);
   app->add_option("--ratio", options->match.max_ratio,
-                  "ratio test: drop matches whose distance is more than this times that of the "
-                  "second nearest");
+                  "ratio test: largest ratio of the nearest to the second nearest distance");
   CLI::Option* homography =
-      app->add_option("--homography", options->homography,
-                      "file with nine numbers that map pixels of A to pixels of B, to show which "
-                      "matches are correct (not needed for images of a simulated scene or of the "
-                      "non-rigid benchmark)")
+      app->add_option(
+             "--homography", options->homography,
+             "file with nine numbers that map pixels of A to pixels of B, to show which "
+             "matches are correct (simulated scenes and the non-rigid benchmark need none)")
           ->type_name("FILE");
   app->add_option("--tolerance", options->tolerance_px,
-                  "distance from the true position, in pixels, up to which a match is correct")
+                  "largest distance of a correct match from the true position, in pixels")
       ->check(AboveZero());
   app->add_flag("--verify", options->verify, "keep only matches that fit one smooth warp");
   CLI::Option* draw =

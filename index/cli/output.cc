@@ -60,13 +60,14 @@ void Message(std::string_view text) { std::cerr << text << std::endl; }
 void FlushOutput() {
   std::cout.flush();
   if (!std::cout) {
-    throw Error(ErrorCode::kNoSpace, "output_failed", "standard output could not be written");
+    throw Error(ErrorCode::kNoSpace, "output_failed", "cannot write to standard output");
   }
 }
 
 void ReportError(const Error& error, bool json) {
   std::string message = ToDisplayText(WithFlagNames(error));
-  if (error.reason() == "database_not_found") message += "; `pliant index DIR --db FILE` makes one";
+  if (error.reason() == "database_not_found")
+    message += "; `pliant index DIR --db FILE` creates one";
   Message("pliant: {}", message);
   if (!json) return;
   PrintJson({{"error", {{"code", error.reason()}, {"message", message}}}});

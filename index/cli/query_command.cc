@@ -117,7 +117,7 @@ std::string Caption(const Hit& hit) {
   if (!hit.explanation) return text;
   const Explanation& e = *hit.explanation;
   return text + (e.verified ? fmt::format("   {} of {} matches fit", e.inliers.size(), e.matches)
-                            : "   not confirmed");
+                            : "   not verified");
 }
 
 // Colours depend on the place in the hit's image, so that neighbours have similar colours and a
@@ -142,7 +142,7 @@ void DrawRow(Image& sheet, const DecodedImage& query, const ShownHit& shown, int
   const int right_x = 2 * kGap + kBoxWidth;
   if (!shown.image) {
     DrawText(sheet, right_x + 20, top + kCaption + kBoxHeight / 2,
-             "(the database does not hold this image file)", colours::kGrey, kLetters);
+             "(the database does not store this image file)", colours::kGrey, kLetters);
     return;
   }
   const Placed right = Fit(*shown.image, right_x, top + kCaption);
@@ -214,7 +214,7 @@ Image DrawUnwarped(const DecodedImage& query, const ShownHit& shown) {
   const Hit& hit = shown.hit;
   if (!hit.explanation || !hit.explanation->mesh) {
     throw Error(ErrorCode::kInvalidArgument, "not_verified",
-                fmt::format("hit {} was not verified: there is no warp", hit.rank));
+                fmt::format("hit {} was not verified, so it has no warp", hit.rank));
   }
   const Mesh& mesh = *hit.explanation->mesh;
   const double factor =
@@ -272,8 +272,9 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
       std::error_code error;
       fs::create_directories(options.unwarp, error);
       if (error) {
-        throw Error(ErrorCode::kNoSpace, "write_failed",
-                    "cannot make the folder " + PathText(options.unwarp) + ": " + error.message());
+        throw Error(
+            ErrorCode::kNoSpace, "write_failed",
+            "cannot create the folder " + PathText(options.unwarp) + ": " + error.message());
       }
     }
     any = true;
@@ -352,22 +353,21 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                      {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}});
   AddRankFlag(
       *app, search.rank,
-      "how images are compared: by votes of nearest neighbours, or by the paper's histogram "
-      "of visual words (default: neighbours)");
+      "compare images by votes of nearest neighbours, or by the paper's histogram of visual "
+      "words (default: neighbours)");
   AddChoice<Verification>(*app, "--verify", search.verify,
                           "verify that the best hits fit one smooth warp (default: tps; none with "
                           "--rank histogram)",
                           {{"none", Verification::kNone}, {"tps", Verification::kTps}});
-  app->add_option(
-         "--verify-depth", search.verify_depth,
-         "number of candidates to verify (default: adaptive, 30 to 100, or up to the square "
-         "root of the collection's size if that is more; twice that if none matches)")
+  app->add_option("--verify-depth", search.verify_depth,
+                  "number of candidates to verify (default: adaptive, 30 to 100, more in large "
+                  "collections)")
       ->check(AboveZero())
       ->option_text("N");
   app->add_option(
          "--expand", search.expand,
-         "query expansion: use this many of the best verified images as further queries, "
-         "for views that the query alone does not reach (default: 3 by image, 0 by object)")
+         "query expansion: number of verified images to use as further queries (default: 3 by "
+         "image, 0 by object)")
       ->check(Between(0, kMostExpansions))
       ->option_text("N");
   app->add_option("--instances", search.max_instances,
@@ -375,8 +375,8 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       ->check(Between(1, 100));
   app->add_flag(
       "--closer-look,!--no-closer-look", search.second_pass,
-      "if nothing is found, search again in a second pass at high resolution, and give the "
-      "answer with more evidence (default: yes)");
+      "if nothing is found, run a second pass at high resolution, and return the answer with "
+      "more evidence (default: yes)");
   app->add_option("--region", options->region,
                   "search only this rectangle of the query image, in its pixels: X,Y,W,H")
       ->delimiter(',')
@@ -386,7 +386,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   AddFilterFlag(
       *app, options->filter,
       "only images whose metadata match: JSON such as '{\"shop\": \"east\", \"year\": {\"gte\": "
-      "2020}}'; tests are in, ne, gt, gte, lt, lte, exists; filters join by and, or, not");
+      "2020}}'; tests are in, ne, gt, gte, lt, lte, exists; join filters with and, or, not");
   app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1");
   AddExtractionFlags(*app, options->engine);
   app->add_flag("--explain", search.explain,

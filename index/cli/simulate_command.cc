@@ -71,7 +71,7 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   CLI::App* app = program.add_subcommand(
       "simulate", "Render images of deforming objects with exact correspondences");
   app->add_option("--textures", simulate.textures,
-                  "folder of images, safetensors pack, or the word procedural")
+                  "folder of images, safetensors pack, or `procedural` for generated textures")
       ->required()
       ->type_name("DIR");
   app->add_option("--out,-o", simulate.out, "folder for the scenes")->required()->type_name("DIR");
@@ -84,16 +84,17 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   choose("--format", simulate.format,
          "tensors (for training) or folders; auto: tensors for pairs, else folders",
          {"auto", "tensors", "folders"});
-  app->add_option("--scenes", simulate.scenes, "number of scenes, or objects");
+  app->add_option("--scenes", simulate.scenes, "number of scenes or objects");
   app->add_option("--first", simulate.first, "number of the first scene");
   app->add_option("--distractors", simulate.distractors,
                   "preset objects: further objects without a reference");
   app->add_option("--views", simulate.views,
                   "images per scene, including the reference; 0 = the default of the preset");
-  app->add_option("--width", simulate.width, "of each image, in pixels");
-  app->add_option("--height", simulate.height, "of each image, in pixels");
+  app->add_option("--width", simulate.width, "width of each image, in pixels");
+  app->add_option("--height", simulate.height, "height of each image, in pixels");
   app->add_flag("--colour", simulate.colour, "render in colour instead of grey");
-  app->add_option("--strength", simulate.strength, "of deformation, light and noise, (0, 1]");
+  app->add_option("--strength", simulate.strength,
+                  "strength of deformation, light and noise, above 0, at most 1");
   app->add_option("--occluders", simulate.occluders,
                   "probability that a part of a view is covered");
   app->add_option("--turn", simulate.turn_deg,

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void FailToWrite(const fs::path& path) {
   throw Error(ErrorCode::kNoSpace, "file_unwritable",
-              path.string() + " cannot be written; does the folder exist, and is it writable?");
+              path.string() + " cannot be written; check that the folder exists and is writable");
 }
 
 // Call it before the work whose result is written. Throws kInvalidArgument "bad_video_name" for a
@@ -47,11 +47,11 @@ void CheckTrackOutName(const fs::path& out) {
   const bool promises =
       extension.size() > 1 && std::isalpha(static_cast<unsigned char>(extension[1])) != 0;
   if (!promises || fs::is_directory(out, ignored)) return;
-  throw Error(ErrorCode::kInvalidArgument, "bad_video_name",
-              fmt::format("{}: {} files cannot be written. Give the name of a video (.mp4, .m4v, "
-                          ".mov, .mkv, .avi) or of a folder for images; for a folder of this name "
-                          "add a slash",
-                          PathText(out), ToDisplayText(extension)));
+  throw Error(
+      ErrorCode::kInvalidArgument, "bad_video_name",
+      fmt::format("{}: cannot write {} files; give a video (.mp4, .m4v, .mov, .mkv, .avi) or a "
+                  "folder for images; end the name of such a folder with a slash",
+                  PathText(out), ToDisplayText(extension)));
 }
 
 // The output of `pliant track`: a video, or a folder of JPEG files frame_NNNNNN.jpg, depending on
@@ -221,13 +221,12 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status) {
       ->delimiter(',')
       ->expected(4)
       ->type_name("X,Y,W,H");
-  app->add_option("--mask", options->mask,
-                  "image of the size of REFERENCE, black outside the object")
+  app->add_option("--mask", options->mask, "image as large as REFERENCE, black outside the object")
       ->type_name("FILE");
   app->add_option(
          "--out,-o", options->out,
          "draw the mesh over each frame and the flattened object beside it: a video (.mp4, "
-         ".mkv, .avi) or a folder for images; no other types (.gif)")
+         ".m4v, .mov, .mkv, .avi) or a folder for images")
       ->type_name("OUT.mp4|DIR");
   app->add_option("--sheet", options->sheet, "draw a contact sheet of twelve frames")
       ->type_name("OUT.png");

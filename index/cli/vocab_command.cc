@@ -51,7 +51,7 @@ ExitStatus Train(Options& options) {
   Print("vocabulary {}: {} words from {} of {} descriptors, mean distance {:.4f}", record.id,
         record.words, record.origin.sampled, record.origin.available, record.origin.loss);
   if (!record.active) {
-    Print("it is not in use yet: pliant vocab use {} --db {}", record.id,
+    Print("not in use yet; to use it: pliant vocab use {} --db {}", record.id,
           options.engine.database.string());
   }
   return ExitStatus::kDone;
@@ -116,7 +116,9 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
 
   CLI::App* train = add("train", "Train a new vocabulary on the stored images", Train,
                         "train --db my.db --words 4000 --use");
-  train->add_option("--words", options->train.words, "number of words; 0 = a tenth of the sample")
+  train
+      ->add_option("--words", options->train.words,
+                   "number of visual words; 0 = a tenth of the sample")
       ->check(Between(0, static_cast<int>(kMaxWords)));
   train
       ->add_option("--sample", options->train.sample,
@@ -125,11 +127,11 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
       ->check(Between(0, static_cast<int>(kMaxVocabularySamples)));
   train->add_option("--seed", options->train.seed, "same seed and images, same vocabulary");
   AddJobsFlag(*train, options->train.threads);
-  train->add_flag("--use", options->use_at_once, "activate it when it is ready");
+  train->add_flag("--use", options->use_at_once, "use the vocabulary when training ends");
 
   add("list", "List the vocabularies", List, "list --db my.db");
   add("use", "Switch to another vocabulary", Use, "use 2 --db my.db")
-      ->add_option("ID", options->id, "its number in `vocab list`")
+      ->add_option("ID", options->id, "number of the vocabulary in `vocab list`")
       ->required();
 }
 

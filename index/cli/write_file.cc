@@ -49,7 +49,7 @@ void CheckWritable(const std::filesystem::path& path) {
     std::filesystem::remove(temporary, ignored);
   }
   if (!writable)
-    FailToWrite(path, " cannot be written; does the folder exist, and is it writable?");
+    FailToWrite(path, " cannot be written; check that the folder exists and is writable");
 }
 
 void CheckOutput(const std::filesystem::path& path, std::string_view flag, bool json) {
@@ -63,7 +63,7 @@ void CheckNotInput(const std::filesystem::path& path,
     std::error_code ignored;  // then one of them does not exist
     if (!std::filesystem::equivalent(path, input, ignored)) continue;
     throw Error(ErrorCode::kInvalidArgument, "same_file",
-                PathText(path) + " is an input, which would be overwritten; give another file");
+                PathText(path) + " is an input and would be overwritten; give another file");
   }
 }
 

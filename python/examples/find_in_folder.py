@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """find_in_folder.py FOLDER QUERY OUT.png: indexes a folder, asks which image shows the object of QUERY, and draws the
-matches that agree on one warp between both. Needs Matplotlib (Debian: python3-matplotlib)."""
+matches that fit one warp between both. Needs Matplotlib (Debian: python3-matplotlib)."""
 import sys
 import matplotlib.pyplot as plt
 import pliant

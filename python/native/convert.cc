@@ -35,14 +35,14 @@ void CheckRows(const Array& rows, py::ssize_t columns, const char* what) {
 
 Image ToImage(const ByteArray& pixels) {
   const bool colour = pixels.ndim() == 3 && pixels.shape(2) == 3;
-  if (pixels.ndim() != 2 && !colour) ThrowShape("an image is an array of H x W or H x W x 3");
+  if (pixels.ndim() != 2 && !colour) ThrowShape("image must be an array of H x W or H x W x 3");
   const DecodeOptions limits;
   const std::int64_t height = pixels.shape(0);
   const std::int64_t width = pixels.shape(1);
   if (std::min(width, height) < limits.min_side_px) {
     throw Error(ErrorCode::kUnprocessable, "image_too_small",
                 "The image is " + std::to_string(width) + " x " + std::to_string(height) +
-                    " pixels; " + std::to_string(limits.min_side_px) + " a side are needed.");
+                    " pixels; the minimum is " + std::to_string(limits.min_side_px) + " per side.");
   }
   if (height > limits.max_pixels / width) {
     throw Error(ErrorCode::kTooLarge, "image_too_large",

@@ -48,7 +48,7 @@ std::vector<MatchedPair> ToPairs(const IndexArray& rows, const Features& a, cons
     };
     if (!inside(0, a) || !inside(1, b)) {
       throw Error(ErrorCode::kInvalidArgument, "index_out_of_range",
-                  "matches: row " + std::to_string(i) + " names a keypoint that is not there");
+                  "matches: row " + std::to_string(i) + " names a keypoint that does not exist");
     }
     pairs.push_back({static_cast<std::uint32_t>(at(i, 1)), static_cast<std::uint32_t>(at(i, 0))});
   }

@@ -4,12 +4,12 @@
 
     features = pliant.describe("mug.jpg")                     # keypoints and descriptors, as NumPy arrays
     matches = pliant.match(features, other)                   # nearest neighbours
-    inliers, warp = pliant.verify(features, other)            # matches that agree on one smooth warp
+    inliers, warp = pliant.verify(features, other)            # matches that fit one smooth warp
     with pliant.Index("shop.db") as index: ...                # a searchable collection in one file
-    client = pliant.Client("http://127.0.0.1:8080")           # the same, of a running pliant-server
+    client = pliant.Client("http://127.0.0.1:8080")           # the same on a running pliant-server
 
-Several threads can use every function and class; the GIL is released while the library works.
-The first use loads the library: `pliant.Client` needs neither it nor NumPy.
+Several threads can use every function and class. The library releases the GIL while it works.
+The first use loads the library and NumPy. `pliant.Client` needs neither.
 """
 from __future__ import annotations
 

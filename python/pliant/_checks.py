@@ -10,7 +10,7 @@ from pliant.errors import InvalidArgumentError
 
 
 def text(name: str, value: Any) -> str:
-    """`value` if it is a str that UTF-8 can hold."""
+    """`value`, if it is a str that UTF-8 can encode."""
     if not isinstance(value, str):
         raise TypeError(f"{name} must be str, not {type(value).__name__}")
     try:
@@ -21,19 +21,19 @@ def text(name: str, value: Any) -> str:
 
 
 def path(name: str, value: Any) -> bytes:
-    """The bytes of a path, of any file name the system knows."""
+    """The bytes of a path. Accepts every file name of the system."""
     if isinstance(value, (bytes, bytearray)) or not isinstance(value, (str, os.PathLike)):
         raise TypeError(f"{name} must be str or os.PathLike, not {type(value).__name__}")
     encoded = os.fsencode(value)
     if not encoded:
         raise InvalidArgumentError(f"{name} is empty", code="empty_path")
     if b"\0" in encoded:
-        raise InvalidArgumentError(f"{name} holds a null byte", code="null_byte")
+        raise InvalidArgumentError(f"{name} contains a null byte", code="null_byte")
     return encoded
 
 
 def whole(name: str, value: Any, least: int = 0, most: int = 2**31 - 1) -> int:
-    """`value` as an int within bounds; NumPy's integers are welcome, floats and bools are not."""
+    """`value` as an int within bounds. Accepts NumPy's integers, but no floats or bools."""
     if isinstance(value, bool) or not hasattr(value, "__index__"):
         raise TypeError(f"{name} must be an int, not {type(value).__name__}")
     number = int(value.__index__())

@@ -29,7 +29,7 @@ _BY_STATUS: dict[int, type[errors.Error]] = {
 
 
 class Answer(NamedTuple):
-    """A success. `document` is the JSON it holds, or None."""
+    """A successful response. `document`: its JSON, or None."""
 
     status: int
     headers: http.client.HTTPMessage
@@ -38,8 +38,8 @@ class Answer(NamedTuple):
 
 
 class Transport:
-    """One request, one connection, so that any number of threads may share it. Redirects are not followed and proxies
-    not used: the key goes to the server named and nowhere else."""
+    """Opens one connection per request, so that any number of threads can share it. It follows no redirects and uses
+    no proxies: the key goes only to the named server."""
 
     def __init__(self, url: str, key: str | None, timeout: float, retries: int, max_wait: float,
                  context: ssl.SSLContext | None) -> None:
@@ -47,14 +47,15 @@ class Transport:
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise InvalidArgumentError(f"url must be http://HOST or https://HOST, not {url!r}", code="url_invalid")
         if parts.query or parts.fragment or parts.username is not None:
-            raise InvalidArgumentError("url takes no user, query or fragment; pass the key as key", code="url_invalid")
+            raise InvalidArgumentError("url must not have a user, query or fragment; pass the key as key",
+                                       code="url_invalid")
         if key is not None and not (key.isascii() and key.isprintable() and " " not in key and key):
             raise InvalidArgumentError("key must be printable ASCII without spaces", code="key_invalid")
         try:
             # Always said: http.client would look for it in an IPv6 address.
             self._port = parts.port or (443 if parts.scheme == "https" else 80)
         except ValueError:
-            raise InvalidArgumentError(f"url has no such port: {url!r}", code="url_invalid") from None
+            raise InvalidArgumentError(f"url has an invalid port: {url!r}", code="url_invalid") from None
         self._host = parts.hostname
         self._prefix = parts.path.rstrip("/")
         self._tls = (context or ssl.create_default_context()) if parts.scheme == "https" else None
@@ -65,10 +66,10 @@ class Transport:
     def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None,
              body: bytes | BinaryIO | None = None, content_type: str | None = None, again: bool | None = None,
              patient: bool = True, into: BinaryIO | None = None, if_match: str | None = None) -> Answer:
-        """`body`: bytes, or a file, which is sent from its beginning each time. `into`: a new file that takes the body of
-        a success, a piece at a time. Repeats what fails with the connection, or was refused as too much (429, 503), unless not `patient`.
-        `again`: whether the request does the same when it is done twice; by default all methods but POST and PATCH.
-        Others get an Idempotency-Key, by which the server does them once."""
+        """`body`: bytes, or a file, sent from its beginning each time. `into`: a new file that receives the body of a
+        success piece by piece. If `patient`, repeats requests after 429, 503 and failed connections. `again`: whether
+        the request is idempotent; by default, all methods except POST and PATCH. Other requests get an
+        Idempotency-Key, so that the server executes them once."""
         if again is None:
             again = method not in ("POST", "PATCH")
         target = self._prefix + path
@@ -123,15 +124,15 @@ class Transport:
             if response.status < 300 and data and "json" in response.headers.get("Content-Type", ""):
                 document = json.loads(data)
             return Answer(response.status, response.headers, data, document)
-        except ValueError as error:  # JSON that is none
-            raise http.client.HTTPException(f"the answer cannot be read: {error}") from error
+        except ValueError as error:  # malformed JSON
+            raise http.client.HTTPException(f"the response cannot be read: {error}") from error
         finally:
             connection.close()
 
 
 def _exchange(connection: http.client.HTTPConnection, method: str, target: str, body: bytes | BinaryIO | None,
               headers: dict[str, str]) -> http.client.HTTPResponse:
-    """A server that refuses a request need not read its body to the end: what it said counts."""
+    """A server can refuse a request before it has read the whole body. Its response counts."""
     try:
         connection.request(method, target, body, headers)
     except (BrokenPipeError, ConnectionResetError) as cut:
@@ -143,7 +144,7 @@ def _exchange(connection: http.client.HTTPConnection, method: str, target: str, 
 
 
 def _refusal(answer: Answer) -> errors.Error:
-    """Of problem+json, or of whatever something between the server and here said."""
+    """The error of a refused request, from problem+json or another body, such as a proxy's."""
     problem: Any = None
     if "json" in answer.headers.get("Content-Type", ""):
         try:
@@ -155,7 +156,7 @@ def _refusal(answer: Answer) -> errors.Error:
 
 
 def _retry_after(headers: http.client.HTTPMessage) -> float | None:
-    """Seconds that the answer asks to wait (RFC 9110: a number, or a date), if it does."""
+    """Seconds to wait, from `Retry-After` (RFC 9110: a number or a date); None if it is missing or malformed."""
     value = str(headers.get("Retry-After", ""))
     if value.strip().isdecimal():
         return float(value)
@@ -167,7 +168,7 @@ def _retry_after(headers: http.client.HTTPMessage) -> float | None:
 
 def problem_error(status: int, problem: dict[str, Any], *, request_id: str | None = None,
                   wait_s: float | None = None) -> errors.Error:
-    """Of a problem document, the body of an answer or a part of one."""
+    """The error of a problem document."""
     said = {name: value for name, value in problem.items() if isinstance(value, str)}
     code, title = said.get("code"), said.get("title")
     kind = errors.ReadOnlyError if (status, code) == (500, "read_only") else _BY_STATUS.get(status, errors.Error)
@@ -177,7 +178,7 @@ def problem_error(status: int, problem: dict[str, Any], *, request_id: str | Non
 
 
 def job_error(job: dict[str, Any]) -> errors.Error:
-    """Of a job that failed or was cancelled."""
+    """The error of a failed or cancelled job."""
     if job["state"] == "cancelled":
         return errors.CancelledError(f"job {job['id']} was cancelled", code="cancelled", problem=job)
     problem = job.get("problem") or {}
@@ -205,7 +206,7 @@ def _copy(response: http.client.HTTPResponse, file: BinaryIO) -> None:
 
 
 def download(transport: Transport, path: str, parameters: dict[str, Any], target: str | os.PathLike[str]) -> None:
-    """A file, which appears when it is complete. OSError where it cannot be written."""
+    """Downloads to a file that appears when it is complete. Raises OSError if the file cannot be written."""
     final = os.fsdecode(os.fspath(target))
     partial = f"{final}.part-{uuid.uuid4().hex}"
     with open(partial, "xb", buffering=0) as file:

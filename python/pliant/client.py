@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""A client of pliant-server, of Python's standard library alone: `import pliant.client` needs neither the compiled
-library nor NumPy. The reference of routes, parameters and codes is server/reference/; answers are its JSON as they come.
+"""A client of pliant-server. It needs only Python's standard library, not the compiled library or NumPy.
+server/reference/ describes routes, parameters and codes. Methods return the JSON of the server unchanged.
 """
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, Any]
 Json = dict[str, Any]
 
 _ARCHIVES = {".tar": "application/x-tar", ".ndjson": "application/x-ndjson", ".jsonl": "application/x-ndjson"}
-_LONGEST_S = 30.0   # that one request waits for the end of a job
+_LONGEST_S = 30.0   # wait of one request for the end of a job
 _HEARD_S = 1.0      # the same with a `progress` callback
 
 
 class Client:
-    """Talks to the server at `url` about one collection. Any number of threads may use it.
+    """Talks to the server at `url` about one collection. Any number of threads can use it.
 
-    key: an API key. collection: the one that methods are about; `client.collection("shelf")` gives another.
-    timeout: seconds without a byte before a request fails. retries: how often a request is repeated that the server
-    refused as too much (429, 503), or whose connection failed. An Idempotency-Key makes sure that the server does
-    `add` without an id, `train` and similar requests once. The client waits as long as `Retry-After` says, at most
-    `max_wait` seconds; for longer waits it raises the error. context: for https with a certificate of your own.
+    key: an API key. collection: for all methods; `client.collection("shelf")` returns a client of another.
+    timeout: seconds without a byte before a request fails. retries: how often the client repeats a request after 429,
+    503 or a failed connection. With an Idempotency-Key the server executes `add` without an id, `train` and similar
+    requests once. The client waits as long as `Retry-After` says. If that is more than `max_wait` seconds, it raises
+    the error. context: for https with your own certificate.
     Failures raise the classes of `pliant.errors`, with the problem's code, title, detail and status.
     """
 
@@ -52,7 +52,7 @@ class Client:
     # Collections
 
     def collection(self, name: str) -> Client:
-        """The same server and key, another collection."""
+        """A client of another collection, with the same server and key."""
         other = object.__new__(Client)
         other._transport = self._transport
         other._use(name)
@@ -71,7 +71,7 @@ class Client:
         return self._ask("GET", self._base)
 
     def set_display_name(self, name: str | None) -> Json:
-        """The name that people see for this client's collection; None: its own name."""
+        """Sets the display name of this client's collection; None: back to its own name."""
         return self._patch(self._base, {"display_name": name})
 
     def drop(self) -> None:
@@ -79,18 +79,18 @@ class Client:
         self._ask("DELETE", self._base)
 
     def aliases(self) -> dict[str, str]:
-        """Other names of collections: alias to collection. `client.collection(alias)` takes them, too."""
+        """All aliases, as a dict from alias to collection. `client.collection(alias)` accepts them too."""
         return {alias["name"]: alias["collection"] for alias in self._ask("GET", "/v1/aliases")["aliases"]}
 
     def set_aliases(self, changes: Mapping[str, str | None]) -> None:
-        """Makes, moves and (None) removes aliases, all at once or none."""
+        """Creates, moves and (None) removes aliases, all at once or none."""
         self._patch("/v1/aliases", dict(changes))
 
     # Images
 
     def add(self, image: ImageLike | None = None, *, image_url: str | None = None, object: str = "",
             id: str | None = None, metadata: Json | None = None, channels: str = "RGB") -> Json:
-        """Adds an image and gives its record. With an id it replaces an existing image, and can be repeated safely.
+        """Adds an image and returns its record. With an id it replaces an existing image, and is safe to repeat.
         image_url, instead of image: an address from which the server fetches the image (if --fetch-hosts allows it)."""
         parameters = _given(object=object or None, metadata=metadata or None)
         path = f"{self._base}/images" + ("" if id is None else f"/{segment('id', id)}")
@@ -102,17 +102,17 @@ class Client:
         return self._ask("GET", self._image(id))
 
     def etag(self, id: str) -> str:
-        """The ETag of an image's present record, for `update(..., if_match=...)`."""
+        """The ETag of an image's current record, for `update(..., if_match=...)`."""
         return str(self._transport.call("GET", self._image(id)).headers["ETag"])
 
     def update(self, id: str, *, object: str | None = None, metadata: Json | None = None, source: str | None = None,
                if_match: str | None = None) -> Json:
-        """Changes an image's object, metadata or source without describing it again, and gives its record. Omitted
+        """Changes an image's object, metadata or source without describing it again, and returns its record. Omitted
         values stay; object="" removes the object. metadata is merged key by key, and None removes a key.
-        if_match: an `etag`; ConflictError "precondition_failed" if the record was changed since."""
+        if_match: an `etag`; ConflictError "precondition_failed" if the record has changed since."""
         changes = {"object": object, "metadata": metadata, "source": source}
         if all(value is None for value in changes.values()):
-            raise TypeError(f"nothing to change: give {', '.join(changes)}")
+            raise TypeError("nothing to change: give object, metadata or source")
         return self._patch(self._image(id), {name: value for name, value in changes.items() if value is not None},
                            if_match=if_match)
 
@@ -130,34 +130,34 @@ class Client:
 
     def save_features(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
                       q: str | None = None) -> None:
-        """Writes the features of the whole collection (of an object, of those that pass) to an .npz file, which
-        `pliant.Features.load_folder` and `numpy.load` read: by ids, all of one state. `objects` names the object of each.
-        The file appears when it is complete."""
+        """Writes the features of the collection, or of the images that pass, to an .npz file for
+        `pliant.Features.load_folder` and `numpy.load`: one consistent snapshot, by ids. `objects` has the
+        object of each image. The file appears when it is complete."""
         parameters = _given(object=object, filter=filter, q=q)
         _transport.download(self._transport, f"{self._base}/features", parameters, path)
 
     def delete(self, id: str) -> None:
-        """Deletes an image for good. NotFoundError if there is none, also when a repeated request finds it deleted."""
+        """Deletes an image permanently. NotFoundError if it does not exist, even if a repeated request deleted it."""
         self._ask("DELETE", self._image(id))
 
     def delete_object(self, object: str) -> int:
-        """Deletes all images of an object, and gives their number."""
+        """Deletes all images of an object, and returns their number."""
         return int(self._ask("DELETE", self._object(object))["deleted"])
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> Json:
-        """Gives an object another name, with all its images at once. If another object has it, ConflictError
-        "object_exists", or, with merge=True, both become one."""
+        """Renames an object with all its images. If the name is taken: ConflictError "object_exists", or with
+        merge=True, both objects become one."""
         return self._patch(self._object(object), {"object": name}, parameters={"merge": "true"} if merge else None)
 
     def delete_where(self, filter: Json, object: str | None = None) -> int:
-        """Deletes all images (of an object) whose metadata pass, at once or not at all, and gives their number."""
+        """Deletes all images (of an object) whose metadata pass, all or none, and returns their number."""
         return int(self._ask("DELETE", f"{self._base}/images", parameters=_given(object=object, filter=filter))["deleted"])
 
     def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
                q: str | None = None, sort: str | None = None) -> Iterator[Json]:
-        """All images (of an object), fetched `page` at a time, 1 to 500. filter: only those whose metadata pass. q: only
-        those with these words in the id, the object or the file's name. sort: id, created, updated, object or
-        source; with a minus downwards."""
+        """All images (of an object), fetched `page` at a time, 1 to 500. filter: only images whose metadata pass. q:
+        only images with these words in the id, the object or the file's name. sort: id, created, updated, object
+        or source; descending with a minus."""
         return self._pages(f"{self._base}/images", "images", page, _given(object=object, filter=filter, q=q, sort=sort))
 
     def objects(self, page: int = 100, *, filter: Json | None = None, q: str | None = None,
@@ -170,12 +170,12 @@ class Client:
                        progress: Callable[[Json], object] | None = None) -> Json:
         """Adds the images of a file: a TAR archive (.tar), whose folders name the objects (object_from: "auto",
         "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). The client reads the file while it sends it, so
-        the file may be larger than the memory. object and metadata: for all images that do not have their own.
-        The job, as `train` gives it. `job_items` has the result of each image; a refused image does not stop the others."""
+        the file can be larger than the memory. object and metadata: for all images without their own.
+        Returns the job, like `train`. `job_items` has the result of each image. A refused image does not stop the job."""
         name = os.fsdecode(os.fspath(path))
         kind = _ARCHIVES.get(os.path.splitext(name)[1].lower())
         if kind is None:
-            raise InvalidArgumentError(f"the name of an archive ends in {', '.join(_ARCHIVES)}, not as {name!r}",
+            raise InvalidArgumentError(f"archive name must end in one of {', '.join(_ARCHIVES)}, not {name!r}",
                                        code="archive_type")
         with open(path, "rb") as file:
             job = self._ask("POST", f"{self._base}/images:import", body=file, content_type=kind,
@@ -187,15 +187,15 @@ class Client:
     def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
                image_ids: Sequence[str] | None = None, image_url: str | None = None, filter: Json | None = None,
                channels: str = "RGB", **options: Any) -> Json:
-        """The server's answer, `{"hits": [...], "found": ..., ...}`, to an image, to the address of one that the server
-        fetches, to the id of a stored one, or to several ids: images similar to any of these, those similar to several
-        first. Stored query images are no hits, unless exclude_self=False.
+        """Searches, and returns `{"hits": [...], "found": ..., ...}`. The query is an image, an address from which the
+        server fetches one, the id of a stored image, or several ids. Images similar to several of them come first.
+        Stored query images are not hits, except with exclude_self=False.
 
         options: offset, group_by, rank, verify, verify_depth, expand, instances, closer_look, region ("x,y,width,height"
         or four numbers), min_score, object, explain, exclude_self.
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:
-            raise TypeError("search takes an image, image_url, image_id or image_ids")
+            raise TypeError("search takes exactly one of image, image_url, image_id and image_ids")
         if image_id is not None:
             query = _json_body({"image_id": image_id})
         elif image_ids is not None:
@@ -206,9 +206,9 @@ class Client:
                          **query)
 
     def search_batch(self, searches: Sequence[Mapping[str, Any]]) -> list[Json | Error]:
-        """Up to 100 searches in one request, each a dict of the server's parameters with one of image (anything that
-        `search` takes), image_id, image_ids and image_url: `{"image": "a.jpg", "limit": 3}`. The answers in the same
-        order, or instead of a failed one its error: it is not raised, and the others are answered."""
+        """Up to 100 searches in one request, each a dict of the server's parameters with one of image (as for
+        `search`), image_id, image_ids and image_url: `{"image": "a.jpg", "limit": 3}`. Returns the answers in the same
+        order. A failed search does not stop the others; its error is in the list and is not raised."""
         asked = [{**one, "image": _base64(one["image"])} if "image" in one else dict(one) for one in searches]
         answer = self._ask("POST", f"{self._base}/search:batch", again=True, **_json_body({"searches": asked}))
         return [result["answer"] if "answer" in result else _transport.problem_error(result["status"], result["problem"])
@@ -216,19 +216,19 @@ class Client:
 
     def locate(self, image: ImageLike | None, object: str, *, image_url: str | None = None,
                channels: str = "RGB") -> Json:
-        """Where a known object is in an image; with None and an image_url, in one that the server fetches."""
+        """Locates a known object in an image. With None and an image_url, the server fetches the image."""
         return self._ask("POST", self._object(object) + "/locate", again=True,
                          **_image_body("locate", image, image_url, channels))
 
     def compare(self, first: ImageLike | None = None, second: ImageLike | None = None, *, first_url: str | None = None,
                 second_url: str | None = None, explain: bool = False, channels: str = "RGB") -> Json:
         """Whether two images show the same object, `{"verdict": "found" or "not_found", "probability": ...}`, and where
-        the object of the first is in the second ("polygon"). Nothing is stored. Each is an image, or an address from
-        which the server fetches it."""
+        the object of the first is in the second ("polygon"). The server stores nothing. Pass each as an
+        image, or as an address from which the server fetches it."""
         body: Json = {"explain": explain}
         for name, image, url in (("first", first, first_url), ("second", second, second_url)):
             if (image is None) == (url is None):
-                raise TypeError(f"compare takes {name} or {name}_url")
+                raise TypeError(f"compare takes either {name} or {name}_url")
             body[name] = {"image_url": url} if image is None else {"image": _base64(image, channels)}
         return self._ask("POST", "/v1/compare", again=True, **_json_body(body))
 
@@ -236,8 +236,8 @@ class Client:
 
     def train(self, *, wait: bool = True, timeout: float | None = None,
               progress: Callable[[Json], object] | None = None, **options: Any) -> Json:
-        """Trains a vocabulary and uses it (options: words, sample, seed, activate). The job: when it is done, or, with
-        `wait=False`, as it begins."""
+        """Trains a vocabulary and uses it (options: words, sample, seed, activate). Returns the job when it is done,
+        or with `wait=False`, when it starts."""
         job = self._ask("POST", f"{self._base}/vocabularies", **_json_body(options))
         return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
 
@@ -262,8 +262,8 @@ class Client:
         return self._ask("DELETE", self._job(id))
 
     def wait(self, id: str, *, timeout: float | None = None, progress: Callable[[Json], object] | None = None) -> Json:
-        """The job when it is done; `progress(job)` is called every second. Raises the job's error if it
-        failed, CancelledError, and UnavailableError "timeout" after `timeout` seconds (the job continues)."""
+        """Waits for a job, calls `progress(job)` every second, and returns the job when it is done. Raises the job's
+        error, CancelledError, or UnavailableError "timeout" after `timeout` seconds (the job continues)."""
         end = None if timeout is None else time.monotonic() + timeout
         pause, patience = 0.05, 0.0
         while True:
@@ -289,7 +289,7 @@ class Client:
     # The server
 
     def ready(self) -> bool:
-        """Whether the server answers searches; False while it starts. ConnectionFailedError if nothing listens there."""
+        """Whether the server answers searches; False while it starts. ConnectionFailedError without a server."""
         try:
             self._transport.call("GET", "/readyz", patient=False)
         except UnavailableError:
@@ -323,7 +323,7 @@ class Client:
 
 
 def _given(**parameters: Any) -> Json:
-    """Parameters of an address, without those that were not given."""
+    """Parameters of an address, without the omitted ones."""
     return {name: _plain(value) for name, value in parameters.items() if value is not None}
 
 
@@ -343,14 +343,14 @@ def _json_body(document: Json) -> Json:
 
 def _image_body(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> Json:
     if (image is None) == (image_url is None):
-        raise TypeError(f"{what} takes an image or image_url")
+        raise TypeError(f"{what} takes either image or image_url")
     if image_url is not None:
         return _json_body({"image_url": image_url})
     return {"body": _encoded(image, channels), "content_type": "application/octet-stream"}
 
 
 def _encoded(image: ImageLike, channels: str = "RGB") -> bytes:
-    """The bytes to send: of a file, as given, or an array as a PNG (RGB, unless `channels` is "BGR")."""
+    """The bytes to send: a file's content, given bytes, or an array as a PNG (RGB, unless `channels` is "BGR")."""
     if isinstance(image, (bytes, bytearray, memoryview)):
         return bytes(image)
     if isinstance(image, (str, os.PathLike)):

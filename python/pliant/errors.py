@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""The exceptions of Pliant: the same classes whether an error comes from the library or from a server.
+"""The exceptions of Pliant. Errors of the library and of a server have the same classes.
 
-Arguments of a wrong type raise Python's own `TypeError`, unreadable files its `OSError`; all other
+Arguments of a wrong type raise Python's `TypeError`, and unreadable files its `OSError`. All other
 errors are subclasses of `Error`.
 """
 from __future__ import annotations
@@ -46,11 +46,11 @@ class NotFoundError(Error, LookupError):
 
 
 class ConflictError(Error):
-    """The state does not allow this: another model, a name in use, no vocabulary yet."""
+    """The current state does not allow this: another model, a name in use, no vocabulary yet."""
 
 
 class CorruptError(Error):
-    """Stored data or a weight file fail their checks."""
+    """Stored data or a weight file is damaged."""
 
 
 class UnsupportedMediaTypeError(Error):
@@ -58,15 +58,15 @@ class UnsupportedMediaTypeError(Error):
 
 
 class TooLargeError(Error):
-    """Over a limit on bytes, pixels or memory."""
+    """The data exceeds a limit on bytes, pixels or memory."""
 
 
 class UnprocessableError(Error):
-    """The right type, but it decodes badly or has too few features."""
+    """The image has the right type, but is damaged or has too few features."""
 
 
 class UnavailableError(Error):
-    """Busy; trying later may succeed."""
+    """Temporarily busy or timed out. Try again later."""
 
 
 class NoSpaceError(Error):
@@ -74,7 +74,7 @@ class NoSpaceError(Error):
 
 
 class CancelledError(Error):
-    """Stopped on request; work that was reported as done is done."""
+    """The work was stopped on request. Finished work stays."""
 
 
 class InternalError(Error):

@@ -30,8 +30,8 @@ class Features:
         octave: OpenCV's packed SIFT octave, a whole number.
     descriptors: N x D; float32 (Euclidean distance; D = 128 for deal, sift and rootsift, 200 for daisy) or uint8
         (Hamming distance over 8 D bits; D = 32 for orb, 64 for brisk).
-    width, height: of that image, in pixels.
-    model_id: the model that made the descriptors ("deal:" and 16 hex digits); only descriptors of one model match.
+    width, height: size of the image, in pixels.
+    model_id: the model that made the descriptors ("deal:" and 16 hex digits); different models cannot be compared.
     """
 
     keypoints: npt.NDArray[np.float32]
@@ -53,10 +53,10 @@ class Features:
                                        code="array_shape")
         keypoints = np.array(keypoints, np.float32, order="C")
         if not np.isfinite(keypoints).all():
-            raise InvalidArgumentError("keypoints hold NaN or infinity", code="not_finite")
+            raise InvalidArgumentError("keypoints contain NaN or infinity", code="not_finite")
         descriptors = np.array(descriptors, order="C")
         if descriptors.dtype == np.float32 and not np.isfinite(descriptors).all():
-            raise InvalidArgumentError("descriptors hold NaN or infinity", code="not_finite")
+            raise InvalidArgumentError("descriptors contain NaN or infinity", code="not_finite")
         keypoints.setflags(write=False)
         descriptors.setflags(write=False)
         object.__setattr__(self, "keypoints", keypoints)
@@ -98,20 +98,20 @@ class Features:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Features:
-        """Reads a file of `save` or `pliant describe --out x.npz`."""
+        """Reads a file written by `save` or `pliant describe --out x.npz`."""
         with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
             if "starts" in file:
-                raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of a folder: use load_folder",
+                raise InvalidArgumentError(f"{os.fsdecode(path)!a} has the features of a folder: use load_folder",
                                            code="features_of_folder")
             return cls(file["keypoints"], file["descriptors"], int(file["width"]), int(file["height"]),
                        str(file["model_id"]))
 
     @classmethod
     def load_folder(cls, path: str | os.PathLike[str]) -> dict[str, Features]:
-        """Reads a file of `pliant describe DIR --out x.npz`: the features of each image, by its name below DIR."""
+        """Reads a file written by `pliant describe DIR --out x.npz`: features by name below DIR."""
         with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
             if "starts" not in file:
-                raise InvalidArgumentError(f"{os.fsdecode(path)!a} holds the features of one image: use load",
+                raise InvalidArgumentError(f"{os.fsdecode(path)!a} has the features of one image: use load",
                                            code="features_of_image")
             keypoints, descriptors, starts = file["keypoints"], file["descriptors"], file["starts"]
             sizes = zip(file["width"].tolist(), file["height"].tolist(), strict=True)
@@ -133,7 +133,7 @@ def descriptor_rows(name: str, rows: npt.ArrayLike) -> npt.NDArray[Any]:
 
 
 def descriptor_names() -> list[str]:
-    """The descriptors that `describe` knows, best first."""
+    """The names of all descriptors, best first."""
     return _native.descriptor_names()
 
 
@@ -155,9 +155,9 @@ class Extractor:
 
     descriptor: one of `descriptor_names()`.
     model: weight file for deal and its variants; None: the installed one.
-    max_keypoints: how many of the strongest keypoints are kept, 1 to 4096.
-    max_side: larger images are scaled down to this longer side in pixels; 0 = never.
-    enlarge_below: an image with fewer keypoints than this is also described at twice its size; 0 = never.
+    max_keypoints: number of keypoints to keep, strongest first, 1 to 4096.
+    max_side: scale larger images down to this longer side in pixels; 0 = never.
+    enlarge_below: also describe images with fewer keypoints at twice their size; 0 = never.
     """
 
     def __init__(self, descriptor: str = "deal", *, model: str | os.PathLike[str] | None = None,
@@ -170,12 +170,12 @@ class Extractor:
 
     @property
     def descriptor(self) -> str:
-        """Its name."""
+        """The descriptor's name."""
         return self._native.descriptor
 
     @property
     def model_id(self) -> str:
-        """As in Features."""
+        """The id of the model, as in `Features`."""
         return self._native.model_id
 
     @property
@@ -205,7 +205,7 @@ def describe(image: images.ImageLike, *, descriptor: str = "deal", model: str | 
     """Keypoints and descriptors of an image, as `pliant describe` writes them.
 
     image, channels: see `pliant.images`. The other arguments are those of `Extractor`; the last four extractors stay in
-    memory, so that weights are loaded once. Raises UnsupportedMediaTypeError, UnprocessableError and TooLargeError for
+    memory, so the weights load once. Raises UnsupportedMediaTypeError, UnprocessableError and TooLargeError for
     images, OSError for files.
     """
     file = default_model() if model is None else _checks.path("model", model)

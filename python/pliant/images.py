@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images as functions take them: a path, encoded bytes, or an array of pixels.
+"""Images as arguments: a path, encoded bytes, or an array of pixels.
 
 - `str` or `os.PathLike`: a file of JPEG, PNG, WebP, BMP or TIFF (the content counts, not the name);
 - `bytes`, `bytearray` or `memoryview`: the content of such a file;
@@ -28,7 +28,7 @@ def read(path: str | os.PathLike[str]) -> bytes:
     with open(os.fsdecode(_checks.path("path", path)), "rb") as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
-        raise TooLargeError(f"{path!r} has more than {MAX_BYTES} bytes", code="image_too_large")
+        raise TooLargeError(f"{path!r} is too large: the limit is {MAX_BYTES} bytes", code="image_too_large")
     return data
 
 

@@ -16,19 +16,19 @@ _PAGE = 500
 
 
 class Index:
-    """One collection of one database, for any number of threads; other processes may use the file at the same time.
+    """One collection of one database. Several threads and processes can use the database at the same time.
 
-    Writes are durable when a call returns. A `with` block closes it; calls on a closed one raise InvalidArgumentError
-    ("closed").
+    Writes are durable when a call returns. A `with` block closes the index. Calls on a closed index raise
+    InvalidArgumentError "closed".
 
     db: the file; created if it does not exist and `create`.
     collection: created if it does not exist and `create`; "default" always exists.
-    descriptor: of a new database, deal by default. ConflictError "model_mismatch" if an existing database has another.
+    descriptor: for a new database, deal by default. ConflictError "model_mismatch" if an existing database has another.
     model: weight file for deal; None: the installed one.
     max_keypoints, max_side: how a new database describes its images (1024 and 1024 pixels). ConflictError
         "extraction_mismatch" if an existing database has other values.
     keep_originals: also stores the images' bytes, for `content`; in `originals_dir` if given.
-    busy_timeout: seconds to wait for another process's write, before UnavailableError.
+    busy_timeout: seconds to wait for another process's write before UnavailableError.
     """
 
     def __init__(self, db: str | os.PathLike[str], *, collection: str = "default", descriptor: str = "",
@@ -36,7 +36,7 @@ class Index:
                  max_keypoints: int | None = None, max_side: int | None = None, keep_originals: bool = True,
                  originals_dir: str | os.PathLike[str] | None = None, busy_timeout: float = 10.0) -> None:
         if not 0 <= busy_timeout <= 1e6:
-            raise InvalidArgumentError("busy_timeout must be 0 to 1000000 seconds", code="out_of_range")
+            raise InvalidArgumentError(f"busy_timeout must be 0 to 1000000 s, not {busy_timeout}", code="out_of_range")
         self._native = _native.Index(
             _checks.path("db", db), _checks.text("collection", collection), _checks.text("descriptor", descriptor),
             default_model() if model is None else _checks.path("model", model), bool(create), bool(read_only),
@@ -46,7 +46,7 @@ class Index:
         self.collection = collection
 
     def close(self) -> None:
-        """Closes the database once the calls that are running have ended. Closing twice is no error."""
+        """Waits for running calls, then closes the database. Closing twice is safe."""
         self._native.close()
 
     def __enter__(self) -> Index:
@@ -63,10 +63,10 @@ class Index:
             threads: int = 0) -> records.Image:
         """Adds an image. An array is stored as a PNG.
 
-        object: the object in the image; searches group by it. metadata: anything that JSON can hold, for filters.
-        id: an existing image is replaced. None: a new image gets an id made of its bytes; bytes that are stored already
-            are "unchanged", with another object or other metadata ConflictError "same_bytes".
-        Raises what `describe` raises, and UnprocessableError "too_few_features" for images without texture.
+        object: the object in the image; searches group by it. metadata: a dict of JSON values, for filters.
+        id: replaces an existing image. None: the id comes from the image's bytes. Adding stored bytes again is
+            "unchanged"; with another object or other metadata it raises ConflictError "same_bytes".
+        Raises the errors of `describe`, and UnprocessableError "too_few_features" for images without texture.
         """
         if source is None:
             source = ""
@@ -82,9 +82,9 @@ class Index:
                    progress: Callable[[int, int], object] | None = None) -> records.FolderReport:
         """Adds all images below the folders, one thread each, as `pliant index` does, but trains no vocabulary.
 
-        object_from: "folder" (the folder's name), "stem" (the file's), "none", or "auto" for the likelier of the first
-        two. Other threads call progress(done, total); an exception from it stops the work. Stored images are skipped,
-        so the call can be repeated. Ctrl-C raises KeyboardInterrupt; the images added so far stay.
+        object_from: "folder" (the folder's name), "stem" (the file's), "none", or "auto" to choose between the
+        first two. Other threads call progress(done, total); an exception from it stops the work. The call is safe to
+        repeat: it skips stored images. Ctrl-C raises KeyboardInterrupt; the images added so far stay.
         """
         report = json.loads(self._native.add_folders([_checks.path("folder", folder) for folder in folders],
                                                      _checks.text("object_from", object_from),
@@ -93,35 +93,35 @@ class Index:
                                     [(file["file"], file["code"], file["reason"]) for file in report["skipped"]])
 
     def get(self, id: str) -> records.Image:
-        """Raises NotFoundError."""
+        """An image's record. NotFoundError if it does not exist."""
         return records.image(json.loads(self._native.get(_checks.text("id", id))))
 
     def features(self, id: str) -> Features:
-        """Keypoints and descriptors of a stored image, the descriptors with 8 bits a value."""
+        """Keypoints and descriptors of a stored image, the descriptors with 8 bits per value."""
         return Features(*self._native.features(_checks.text("id", id)))
 
     def content(self, id: str) -> bytes:
-        """The bytes of the image as it was added."""
+        """The bytes of the image as added."""
         return self._native.content(_checks.text("id", id))
 
     def update(self, id: str, *, object: str | None = None, metadata: dict[str, Any] | None = None,
                source: str | None = None) -> records.Image:
-        """Changes an image's object, metadata or source without describing it again, and gives its record. Omitted
+        """Changes an image's object, metadata or source without describing it again, and returns its record. Omitted
         values stay; object="" removes the object. metadata is merged key by key, and None removes a key."""
         if object is None and metadata is None and source is None:
-            raise TypeError("nothing to change: give object, metadata, source")
+            raise TypeError("nothing to change: give object, metadata or source")
         return records.image(json.loads(self._native.change(
             _checks.text("id", id), None if object is None else _checks.text("object", object),
             None if metadata is None else _json("metadata", metadata),
             None if source is None else _checks.text("source", source))))
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> int:
-        """Gives an object another name, with all its images at once, and returns the number of its images now. If another
-        object has the name, ConflictError "object_exists", or, with merge=True, both become one."""
+        """Renames an object with all its images, and returns its number of images. If the name is taken: ConflictError
+        "object_exists", or with merge=True, both objects become one."""
         return self._native.rename_object(_checks.text("object", object), _checks.text("name", name), bool(merge))
 
     def remove(self, id: str) -> bool:
-        """Removes an image from the file and from all later searches. False: there was none."""
+        """Removes an image from the database and from all later searches. False if it does not exist."""
         return self._native.remove(_checks.text("id", id))
 
     def remove_object(self, object: str) -> int:
@@ -143,7 +143,7 @@ class Index:
         return self.images()
 
     def images(self, object: str | None = None) -> Iterator[records.Image]:
-        """All images (of an object) in order of their ids, read in pages: others can add and remove meanwhile."""
+        """All images (of an object) in order of their ids, read in pages, so images can be added and removed meanwhile."""
         wanted = None if object is None else _checks.text("object", object)
         after = ""
         while True:
@@ -190,25 +190,25 @@ class Index:
 
     def search(self, image: images.ImageLike | Features, top: int = 10, *, channels: str = "RGB",
                **options: Any) -> records.SearchResult:
-        """Which objects does the image show? The best `top` hits; 0 = all.
+        """Finds the objects that the image shows, and returns the best `top` hits; 0 = all.
 
         image: see `pliant.images`, or Features of the index's own model.
         options:
-            offset: hits to leave out before the first.
-            group_by: "object" (each once, by its best image) or "image".
+            offset: hits to skip at the start.
+            group_by: "object" (one hit per object, its best image) or "image".
             rank: "neighbours" or "histogram".
             verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images to verify, 0 = adaptive, 30
                 to 100 and more in large collections; expand: number of verified images for query expansion, None = 3
-                by image, 0 by object; instances: places of one object to look for, 4.
-            closer_look: if nothing is found, a second pass at high resolution, and the surer answer (True); not with
-                Features.
+                by image, 0 by object; instances: maximum number of instances of one object, 4.
+            closer_look: if nothing is found, run a second pass at high resolution and return the answer with more
+                evidence (True); not with Features.
             region: (x, y, width, height) in pixels of the query: searches only this part, at its full resolution.
-            min_score: 0 to 1. object: only its images. filter: conditions on metadata, such as
+            min_score: 0 to 1. object: only images of this object. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
-                exists; "and": [...], "or": [...] and "not": {...} join filters.
+                exists; join filters with "and": [...], "or": [...] and "not": {...}.
             explain: adds the matches and the warp to each hit.
             threads: 0 = one per core.
-        Raises ConflictError "no_vocabulary" before the first `train`, UnprocessableError "too_few_features".
+        Raises ConflictError "no_vocabulary" before the first `train`, and UnprocessableError "too_few_features".
         """
         asked = _search_options(top, options)
         if isinstance(image, Features):
@@ -216,18 +216,18 @@ class Index:
         return records.SearchResult(json.loads(self._native.search(images.encoded(image, channels), asked)))
 
     def search_stored(self, id: str, top: int = 10, **options: Any) -> records.SearchResult:
-        """As `search`, with a stored image as the query."""
+        """Like `search`, with a stored image as the query."""
         return records.SearchResult(json.loads(self._native.search_stored(_checks.text("id", id),
                                                                           _search_options(top, options))))
 
     # Upkeep
 
     def check(self) -> list[str]:
-        """Checks every invariant of the database; empty = sound, else a sentence for each problem."""
+        """Checks the integrity of the database. Returns a sentence for each problem; empty = no problems."""
         return list(self._native.check())
 
     def backup(self, path: str | os.PathLike[str]) -> None:
-        """Copies the database to a file that must not exist, also while it is in use."""
+        """Copies the database to a new file, even while it is in use."""
         self._native.backup(_checks.path("path", path))
 
 
@@ -245,7 +245,8 @@ def _region(region: Sequence[float] | None) -> list[float] | None:
         return None
     values = [float(value) for value in region]
     if len(values) != 4:
-        raise InvalidArgumentError("region must be (x, y, width, height)", code="region_invalid")
+        raise InvalidArgumentError(f"region must be (x, y, width, height), not {len(values)} values",
+                                   code="region_invalid")
     return values
 
 
@@ -255,7 +256,7 @@ def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
                              "min_score": 0.0, "object": None, "filter": None, "explain": False, "threads": 0}
     for name in given:
         if name not in known:
-            raise TypeError(f"search has no option {name!r}; it has {', '.join(known)}")
+            raise TypeError(f"search has no option {name!r}; options are {', '.join(known)}")
     options: dict[str, Any] = {**known, **given, "top": _checks.whole("top", top)}
     for name, most in (("offset", 2**31 - 1), ("verify_depth", 2**31 - 1), ("instances", 1000), ("threads", 1024)):
         options[name] = _checks.whole(name, options[name], 0, most)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Matching of descriptors, and verification by one smooth warp. All functions may be called from many threads."""
+"""Matching of descriptors, and verification by one smooth warp. Several threads can use all functions."""
 from __future__ import annotations
 
 import dataclasses
@@ -24,7 +24,7 @@ class Matches(NamedTuple):
 
 
 class Warp:
-    """A thin-plate spline that maps points of image a to points of image b. Immutable; for many threads.
+    """A thin-plate spline that maps points of image a to points of image b. Immutable; several threads can use it.
 
     Points are N x 2 (or one of 2) in pixels, x before y, pixel centres at integers.
     """
@@ -34,13 +34,13 @@ class Warp:
 
     @classmethod
     def fit(cls, source: npt.ArrayLike, target: npt.ArrayLike, regularization: float = 1e-3) -> Warp:
-        """The warp of least bending that maps `source` near to `target`, both N x 2 with N of 3 or more.
-        `regularization`: 0 = as near as possible, large = affine; it does not depend on the images' sizes.
+        """The warp with least bending that maps `source` close to `target`, both N x 2, with N at least 3.
+        `regularization`: 0 = as close as possible, large = affine; it does not depend on the images' sizes.
         Raises UnprocessableError for points on one line."""
         return cls(_native.Warp._fit(_points("source", source), _points("target", target), float(regularization)))
 
     def __call__(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """The points of b, of the same shape."""
+        """Maps points of a to points of b, in an array of the same shape."""
         rows = _points("points", points)
         return self._native._map(rows).reshape(np.shape(points))
 
@@ -56,12 +56,12 @@ class Warp:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verification:
-    """The result of `verify`; `inliers, warp = verify(a, b)` works, too.
+    """The result of `verify`; `inliers, warp = verify(a, b)` works too.
 
-    inliers: K x 2 int64, the matches that agree with the warp (rows of a and of b); K = 0 without a warp.
-    warp: from image a to image b; None if the matches agree on none.
-    failure: why there is no warp (too few matches, no agreement, ...); None if there is one.
-    matches: how many matches were tested.
+    inliers: K x 2 int64, the matches that fit the warp (rows of a and of b); K = 0 without a warp.
+    warp: from image a to image b; None if the matches fit no warp.
+    failure: the reason without a warp (too few matches, ...), else None.
+    matches: the number of tested matches.
     """
 
     inliers: npt.NDArray[np.int64]
@@ -78,15 +78,15 @@ class Verification:
 
 def match(a: DescriptorsLike, b: DescriptorsLike, *, ratio: float = 1.0, mutual: bool = True,
           threads: int = 0) -> Matches:
-    """The nearest descriptor of b for each one of a, as `pliant match` finds them, in order of a.
+    """Finds the nearest descriptor of b for each descriptor of a, like `pliant match`, in order of a.
 
     a, b: Features, or arrays N x D of float32 or uint8.
-    ratio: drops matches whose distance is more than this times that to the second nearest (Lowe), 0 to 1; 1 = keep all.
+    ratio: largest ratio of the nearest to the second nearest distance (Lowe's ratio test), 0 to 1; 1 = keep all.
     mutual: keeps only matches that are nearest in both directions.
-    Raises ConflictError for descriptors of two models or kinds, InvalidArgumentError for NaN and wrong shapes.
+    Raises ConflictError for descriptors of different models or types, InvalidArgumentError for NaN and wrong shapes.
     """
     if isinstance(a, Features) and isinstance(b, Features) and a.model_id != b.model_id:
-        raise ConflictError(f"descriptors of {a.model_id} cannot be compared with those of {b.model_id}",
+        raise ConflictError(f"descriptors of {a.model_id} and of {b.model_id} cannot be compared; use one model for both",
                             code="model_mismatch")
     rows = [descriptor_rows(name, given.descriptors if isinstance(given, Features) else given)
             for name, given in (("a", a), ("b", b))]
@@ -95,12 +95,12 @@ def match(a: DescriptorsLike, b: DescriptorsLike, *, ratio: float = 1.0, mutual:
 
 def verify(a: Features, b: Features, matches: Matches | npt.ArrayLike | None = None, *, ratio: float = 0.9,
            tolerance: float = 0.01, seed: int = 1, threads: int = 0) -> Verification:
-    """Do a and b show the same object, however it is bent? Matches must agree with one smooth warp.
+    """Verifies that a and b show the same object, however bent: their matches must fit one smooth warp.
 
-    matches: Matches or M x 2 ints; None: mutual nearest neighbours that pass the ratio test with `ratio`, as searches
-        of an index verify.
-    tolerance: how far a match may lie from where the warp puts it, as a share of the longer side of b, 0 to 1.
-    Deterministic for a seed. Nothing found is no error.
+    matches: Matches or M x 2 ints; None: mutual nearest neighbours that pass the ratio test with `ratio`, as in a
+        search.
+    tolerance: largest distance of an inlier from the warp, as a share of the longer side of b, above 0, below 1.
+    A seed makes the result deterministic. A result without a warp is not an error.
     """
     for name, given in (("a", a), ("b", b)):
         if not isinstance(given, Features):

@@ -15,7 +15,7 @@ class Image:
     """A stored image. Only `Index.add` sets `outcome`: "created", "replaced" or "unchanged"."""
 
     id: str
-    object: str  # in the image; "" = none
+    object: str  # that the image shows; "" = none
     metadata: dict[str, Any]
     source: str  # file name as given, for people; "" = none
     width: int
@@ -25,7 +25,7 @@ class Image:
     sha256: str
     media_type: str
     added_at: str  # ISO 8601, UTC
-    updated_at: str  # when its bytes, object, metadata or source changed last
+    updated_at: str  # last change of bytes, object, metadata or source
     collection: str
     outcome: str | None = None
 
@@ -63,12 +63,12 @@ class Hit:
     score: float  # 0 to 1
     probability: float | None  # that the hit is right; None = unknown
     image_id: str
-    inliers: int  # matches that agree on one warp; 0 without verification
+    inliers: int  # matches that fit one warp; 0 without verification
     polygon: npt.NDArray[np.float64] | None  # K x 2, outline of the object in the query, not closed
     instances: list[Instance]
-    via: str | None  # id of the image through which query expansion found the hit
+    via: str | None  # id of the image that found the hit by query expansion
     metadata: dict[str, Any]
-    explain: dict[str, Any] | None  # as the HTTP interface gives it, with explain=True
+    explain: dict[str, Any] | None  # as in the HTTP interface; only with explain=True
 
 
 class SearchResult(list["Hit"]):
@@ -105,12 +105,12 @@ def _hit(hit: dict[str, Any]) -> Hit:
 
 
 def image(document: dict[str, Any], outcome: str | None = None) -> Image:
-    """Of a record's JSON form."""
+    """From a record's JSON form."""
     names = {field.name for field in dataclasses.fields(Image)}
     return Image(outcome=outcome, **{name: value for name, value in document.items() if name in names})
 
 
 def vocabulary(document: dict[str, Any]) -> Vocabulary:
-    """Of a record's JSON form."""
+    """From a record's JSON form."""
     names = {field.name for field in dataclasses.fields(Vocabulary)}
     return Vocabulary(**{name: value for name, value in document.items() if name in names})

@@ -16,8 +16,8 @@ _TEXT = {"preset", "format"}
 
 @dataclasses.dataclass(frozen=True)
 class SimulationReport:
-    """The result of `simulate`. mean_stretch, worst_stretch: of the cloth (95th percentile over the edges of a view), as a
-    share: the mean over all views, and the worst. skipped: (file, reason) of unusable textures."""
+    """The result of `simulate`. mean_stretch, worst_stretch: mean and maximum over all views of the cloth's stretch, as a
+    share (95th percentile over the edges of a view). skipped: (file, reason) of unusable textures."""
 
     scenes: int
     unchanged: int
@@ -31,13 +31,13 @@ class SimulationReport:
 
 def simulate(textures: str | os.PathLike[str], out: str | os.PathLike[str], *,
              progress: Callable[[int, int], object] | None = None, **options: Any) -> SimulationReport:
-    """Renders scenes into the folder `out`, as `pliant simulate` does; existing scenes stay.
+    """Renders scenes into the folder `out`, like `pliant simulate`. Existing scenes stay.
 
     textures: a folder of images, a safetensors pack, or "procedural" for generated ones.
     options: preset ("pairs", "objects", "sequence", "rotation", "scale", "planar", "street"), format ("auto", "tensors",
         "folders"), scenes (100), first (0), distractors (0), views (0 = the preset's), width (640), height (480), colour
-        (False), strength (1.0), occluders (0.25), turn_deg (60), least_scale (0.5), seed (1), jobs (0 = one a core).
-    Other threads call progress(done, total); an exception from it stops the work, as Ctrl-C does, and whole scenes
+        (False), strength (1.0), occluders (0.25), turn_deg (60), least_scale (0.5), seed (1), jobs (0 = one per core).
+    Other threads call progress(done, total); an exception from it stops the work, like Ctrl-C. Complete scenes
     stay. Raises InvalidArgumentError, NotFoundError, NoSpaceError.
     """
     given: dict[str, Any] = {"textures": _checks.path("textures", textures), "out": _checks.path("out", out)}

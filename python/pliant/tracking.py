@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tracking of one object through the frames of a video while it bends. Every frame is processed by itself, so the
-tracker finds a lost object again."""
+"""Tracking of one object through the frames of a video while it bends. The tracker processes every frame
+independently, so it finds a lost object again."""
 from __future__ import annotations
 
 import dataclasses
@@ -22,12 +22,12 @@ from pliant.matching import Warp
 class TrackedFrame:
     """Where the object is in one frame. Coordinates are pixels, centres at integers.
 
-    number: of the frame, from 0. time_s: since the first frame; None where it is not known. file: its name in a folder.
-    found: whether the object is there; reason: a stable word for why not, else None.
+    number: of the frame, from 0. time_s: seconds since the first frame, or None. file: its name in a folder.
+    found: whether the frame shows the object; reason: a stable word if not, else None.
     on_template, in_frame: K x 2 each, the inliers of the warp, also when the object counts as lost.
-    matches: how many were tested; keypoints: of the frame.
+    matches: number of tested matches; keypoints: number of keypoints of the frame.
     warp: from the template (the region of the reference) to the frame; outline: K x 2 in the frame, not closed;
-    mesh: as `pliant track --json` prints it. None when lost.
+    mesh: as in `pliant track --json`. All three are None for a lost object.
     """
 
     number: int
@@ -50,13 +50,13 @@ class TrackedFrame:
 
 
 class Tracker:
-    """Looks for an object of a reference image in frames. Immutable; for many threads.
+    """Finds an object of a reference image in frames. Immutable; several threads can use it.
 
     reference: see `pliant.images`. region: (x, y, width, height) of the object in it, whole pixels; None: all of it, or
     the bounding box of `mask`, H x W uint8 of the reference's size, 0 outside the object.
-    descriptor, model, max_keypoints, max_side: as of `Extractor`.
-    iterations: RANSAC samples a frame; min_inliers: with fewer the object counts as lost; max_ratio: of the ratio test;
-    tolerance: share of the frame's longer side; regularization: stiffness of the warp.
+    descriptor, model, max_keypoints, max_side: as in `Extractor`.
+    iterations: RANSAC samples per frame; min_inliers: with fewer inliers the object counts as lost; max_ratio: limit of
+    the ratio test; tolerance: share of the frame's longer side; regularization: stiffness of the warp.
     """
 
     def __init__(self, reference: images.ImageLike, *, region: Sequence[int] | None = None,
@@ -69,10 +69,11 @@ class Tracker:
         if region is not None:
             box = [_checks.whole("region", value) for value in region]
             if len(box) != 4:
-                raise InvalidArgumentError("region must be (x, y, width, height)", code="region_invalid")
+                raise InvalidArgumentError(f"region must be (x, y, width, height), not {len(box)} values",
+                                           code="region_invalid")
         for name, value in (("tolerance", tolerance), ("max_ratio", max_ratio)):
             if not 0 < value <= 1:
-                raise InvalidArgumentError(f"{name} must be above 0 and at most 1", code="out_of_range")
+                raise InvalidArgumentError(f"{name} must be above 0, at most 1, not {value}", code="out_of_range")
         self._native = _native.Tracker(
             extractor._native, _decoded(reference, channels), box,
             None if mask is None else images.pixels(mask, name="mask"), _checks.whole("iterations", iterations, 1, 10**6),
@@ -86,12 +87,12 @@ class Tracker:
 
     @property
     def features(self) -> Features:
-        """Of the template, in its own pixels."""
+        """Features of the template, in its own pixels."""
         return Features(*self._native.features)
 
     def find(self, frame: images.ImageLike, *, channels: str = "RGB", number: int = 0, time_s: float | None = None,
              file: str = "") -> TrackedFrame:
-        """Where the object is in a frame; not found is no error."""
+        """Finds the object in a frame. A lost object is not an error."""
         text, on_template, in_frame, warp = self._native.find(_decoded(frame, channels))
         said = json.loads(text)
         outline = None if said["outline"] is None else np.array(said["outline"], np.float64)
@@ -102,23 +103,23 @@ class Tracker:
 
 def track(reference: images.ImageLike | Tracker, frames: str | os.PathLike[str] | Iterable[images.ImageLike], *,
           every: int = 1, channels: str = "RGB", **options: Any) -> Iterator[TrackedFrame]:
-    """The object of `reference` in each frame, one after the other, as the caller asks for them.
+    """Tracks the object of `reference` through the frames, one at a time, as the caller iterates.
 
     frames: a video file, a folder of images (in natural order of their names), or any iterable of images.
-    every: only frames 0, every, 2 every, ... options: those of `Tracker`; or pass a Tracker as `reference`.
-    Raises the errors of Tracker at once, the errors of a frame when that frame is reached.
+    every: only frames 0, every, 2 every, ... options: as in `Tracker`; or pass a Tracker as `reference`.
+    Raises errors of the Tracker at once, and errors of a frame when the iteration reaches it.
     """
     step = _checks.whole("every", every, 1)
     if isinstance(reference, Tracker):
         if options:
-            raise TypeError("options are the Tracker's; it was given")
+            raise TypeError("track takes no options with a Tracker; pass them to Tracker")
         tracker = reference
     else:
         tracker = Tracker(reference, channels=channels, **options)
     if isinstance(frames, (str, os.PathLike)):
         return _of_source(tracker, _native.Frames(_checks.path("frames", frames), step))
     if isinstance(frames, (bytes, bytearray, memoryview)):
-        raise TypeError("frames must be a path or an iterable of images, not the bytes of one")
+        raise TypeError("frames must be a path or an iterable of images, not the bytes of one image")
     return _of_images(tracker, frames, step, channels)
 
 

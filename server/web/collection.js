@@ -41,7 +41,7 @@ export function recommendation({ images, descriptors, vocabulary }) {
       `the collection now has ${growth.toFixed(1)} times as many.` };
   }
   const due = growth >= 5 * kGrowth || growth <= 1 / kGrowth;
-  return { due, text: due ? "Retraining may help. The collection has changed much since the last training." : "The vocabulary fits this collection." };
+  return { due, text: due ? "Retraining may help. The collection has changed a lot since the last training." : "The vocabulary fits this collection." };
 }
 
 function vocabularyRow({ id, active, words, sampled, available, created_at: created }) {

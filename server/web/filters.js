@@ -18,7 +18,7 @@ const firstValue = (field) => (field.options ? field.options[0].value : "");
 export const filterParameters = () => Object.fromEntries(Object.entries(kFields)
   .map(([name, field]) => [name, field.value.trim()]).filter(([name, value]) => value !== firstValue(kFields[name])));
 
-// Those that leave out some of the collection.
+// The fields that leave out some of the collection.
 const limits = () => ["object", "labels", "min_score"].filter((name) => name in filterParameters());
 export const isFiltered = () => limits().length > 0;
 

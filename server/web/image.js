@@ -98,7 +98,7 @@ export function isNearCopy(hit, image) {
 
 async function copyCard(hit, image) {
   const other = await api.ask(api.imagePath(hit.image_id));
-  const words = other.sha256 === image.sha256 ? "The same file, stored twice" :
+  const words = other.sha256 === image.sha256 ? "The same file, stored again" :
     isNearCopy(hit, image) ? "Almost the same image: resized or compressed again" : null;
   if (!words) return null;
   const file = fileOf(other);

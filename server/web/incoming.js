@@ -61,7 +61,7 @@ async function received(transfer, how) {
   const address = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
   if (address && await mayFetch()) return { address };
   const isAddress = addresses.some((one) => /^(https?|blob|file):/i.test(one));
-  return { problem: isAddress ? kAddressOnly : `There is no image in what you ${how}.` };
+  return { problem: isAddress ? kAddressOnly : `Found no image in what you ${how}.` };
 }
 
 // path: the folders around a file, from the given one; files directly in that folder have its name.

@@ -19,7 +19,7 @@ function showNew(made) {
   byId("keys-new").replaceChildren(
     make("p", {}, make("strong", { text: `Key "${made.name}" created. ` }), "Copy this key now. It will not be shown again."),
     make("div", { class: "row key-row" }, text, copy, copied),
-    ...(isFirst ? [make("p", { text: "From now on this server needs a key. This tab uses the new key." })] : []));
+    ...(isFirst ? [make("p", { text: "The server now requires a key. This tab uses the new key." })] : []));
   byId("keys-new").hidden = false;
   text.focus();
   text.select();

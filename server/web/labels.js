@@ -49,7 +49,7 @@ export function labelsPatch(metadata, lines) {
   const left = new Set(before.keys());
   for (const line of parts(lines, "\n")) {
     const [name, text] = split(line, line.includes("=") ? "=" : "");
-    if (Object.hasOwn(metadata, name) && !before.has(name)) throw new Error(`"${name}" cannot be edited here.`);
+    if (Object.hasOwn(metadata, name) && !before.has(name)) throw new Error(`"${name}" cannot be edited here. Use the HTTP API.`);
     left.delete(name);
     if (before.get(name) !== text) patch[name] = valueOf(text);
   }

@@ -27,7 +27,7 @@ let asked = "";      // the collection of the query
 let hits = [];       // each with its name
 let chosen = null;   // the hit that is compared
 let latest = null;   // the last file that was given, before it is searched with
-let received = 0, total = 0;  // hits of the server, also those that are being deleted
+let received = 0, total = 0;  // hits of the server, including hits that are being deleted
 
 // --- the photo
 

@@ -116,7 +116,7 @@ export function makeSelection({ list, bar, word, refresh }) {
       const object = input.value.trim();
       if (object) await settle(api.objectPath(object));
       const n = await changeAll({ object }, progress);
-      return object ? `${n} moved to ${object}.` : `${n} now without a name.`;
+      return object ? `${n} moved to ${object}.` : `Name removed from ${n}.`;
     } };
   }
 

@@ -94,7 +94,7 @@ function backupItem(backup) {
       question: "This cannot be undone.", yes: "Delete", act: () => deleteBackup(backup) }), note);
 }
 
-const listBackups = makeLiveList("backups", backupItem, "None yet.");
+const listBackups = makeLiveList("backups", backupItem, "No backups yet.");
 
 async function showBackups() {
   if (!api.isAdmin()) return;

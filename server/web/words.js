@@ -5,6 +5,7 @@
 // For codes whose detail from the server does not tell people enough.
 const kNotReadable = "Pliant cannot read this file as an image. Try a JPEG or PNG file.";
 const kProblems = {
+  forbidden: "Your key does not allow this. Ask for a key with more access.",
   last_admin_key: "This is the last admin key. Create another admin key first.",
   backup_not_found: "This backup no longer exists.",
   key_not_found: "This key is already revoked.",
@@ -14,14 +15,14 @@ const kProblems = {
   content_not_kept: "The server does not store the original of this image.",
   image_not_found: "This image no longer exists.",
   request_timeout: "The upload took too long. Check your connection.",
-  read_only: "The server cannot write to its storage.",
+  read_only: "The server cannot write to its storage. Tell the person who runs this server.",
   image_type_unknown: kNotReadable,
   unsupported_content_type: kNotReadable,
   image_truncated: "The file ends too early. The download or copy may be incomplete.",
   image_corrupt: "The file is damaged and cannot be read.",
   too_few_features: "The image has too little detail. Try a sharper image in which the object is larger.",
   precondition_failed: "Someone else changed this image. Cancel, and edit it again.",
-  no_space: "The server's disk is full.",
+  no_space: "The server's disk is full. Tell the person who runs this server.",
   internal: "Internal server error. The server's log has the cause.",
   stopping: "The server is stopping.",
   starting: "The server is loading its index. Try again in a moment.",

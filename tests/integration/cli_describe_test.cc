@@ -54,7 +54,7 @@ TEST_F(CliTest, ResultsGoToStandardOutput) {
   }
   const ProgramResult full = shell("describe views/q.png --descriptor orb --out - > /dev/full");
   EXPECT_EQ(full.status, 1);
-  EXPECT_THAT(full.err, HasSubstr("standard output could not be written"));
+  EXPECT_THAT(full.err, HasSubstr("cannot write to standard output"));
 
   ASSERT_EQ(shell("index views --db x.db --descriptor orb").status, 0);
   EXPECT_EQ(shell("db export records.ndjson --db x.db").status, 0);
@@ -74,7 +74,7 @@ TEST_F(CliTest, DescribeRefusesOtherNames) {
         RunProgram({"describe", (folder_ / "q.png").string(), "--descriptor", "orb", "--out",
                     (folder_ / name).string()});
     EXPECT_EQ(result.status, 2);
-    EXPECT_THAT(result.err, HasSubstr("written as .npz (NumPy)")) << name;
+    EXPECT_THAT(result.err, HasSubstr("end the name in .npz (NumPy)")) << name;
     EXPECT_FALSE(std::filesystem::exists(folder_ / name));
   }
 }

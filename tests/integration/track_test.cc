@@ -159,7 +159,7 @@ TEST_F(TrackTest, WhatCannotBeTrackedIsSaid) {
   for (const char* input : {"frames", "nowhere.mp4"}) {  // said before anything is looked at
     const ProgramResult gif = Track(input, {"--out", Path("o.gif")});
     EXPECT_EQ(gif.status, 2);
-    EXPECT_THAT(gif.err, HasSubstr(".gif files cannot be written"));
+    EXPECT_THAT(gif.err, HasSubstr("cannot write .gif files"));
     EXPECT_FALSE(std::filesystem::exists(Path("o.gif")));
     EXPECT_EQ(Track(input, {"--out", Path("nowhere/x.mp4")}).status, 1);
   }

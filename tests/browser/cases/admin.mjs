@@ -20,7 +20,7 @@ test("the first key closes the server, and the page goes on with it; others are 
   await house.waitForText(page, "#keys-status.error", /Enter a name/);
   await page.locator("#keys-name").fill("me");
   await page.keyboard.press("Enter");
-  await house.waitForText(page, "#keys-new", /Copy this key now[^]*From now on this server needs a key/);
+  await house.waitForText(page, "#keys-new", /Copy this key now[^]*The server now requires a key/);
   const admin = await page.getByLabel("The new key").inputValue();
   assert.match(admin, /^plk_[0-9a-f]{8}_/);
   assert.deepEqual([await statusWith(own.address, ""), await statusWith(own.address, admin)], [401, 200]);

@@ -28,7 +28,7 @@ async function downloadOne(page, address, headers = {}) {
 test("a backup is made, downloaded and, when asked twice, deleted", async () => {
   const server = await house.startServer("--auto-train", "false", "--backup-dir", folder);
   const page = await house.openPage(`${server.address}/#/status`);
-  await house.waitForText(page, "#backups", /None yet/);
+  await house.waitForText(page, "#backups", /No backups yet/);
   await page.getByRole("button", { name: "Create a backup" }).click();
   await house.waitForText(page, "#backups-said", /^The backup (has started|is complete)\./);
   await house.waitForText(page, "#status-jobs", /Creating a backup\s*done/);
@@ -47,7 +47,7 @@ test("a backup is made, downloaded and, when asked twice, deleted", async () => 
   await page.getByRole("button", { name: `Delete the backup ${name}` }).click();
   await page.getByRole("button", { name: "Delete", exact: true }).click();
   await house.waitForText(page, "#backups-said", /deleted/);
-  await house.waitForText(page, "#backups", /None yet/);
+  await house.waitForText(page, "#backups", /No backups yet/);
   assert.equal((await fetch(`${server.address}/v1/backups/${name}`)).status, 404);
   await house.closePage(page);
   await server.stop();
@@ -75,7 +75,7 @@ test("with a key, the page fetches the file; who may not do everything sees no b
   await page.getByRole("link", { name: `Download the backup ${name}` }).click();
   await house.waitForText(page, "#backups .error", /This backup no longer exists/);
   await page.unroute("**/v1/backups");
-  await house.waitForText(page, "#backups", /None yet/);
+  await house.waitForText(page, "#backups", /No backups yet/);
 
   await page.getByRole("button", { name: "Key", exact: true }).click();
   await page.locator("#key-input").fill(keys.write);

@@ -76,7 +76,7 @@ test("copies: the same file and the same photograph are told from parts and othe
   await page.getByRole("button", { name: "Find copies" }).click();
   await house.waitForText(page, "#copies-status", /^2 copies found/);
   const list = await house.text(page, "#copies-list");
-  assert.match(list, /kettle\s+The same file, stored twice\s+copy-same/);
+  assert.match(list, /kettle\s+The same file, stored again\s+copy-same/);
   assert.match(list, /other\s+Almost the same image[^]*copy-small, 360 × 270/);
   await house.shoot(page, "copies");
   await house.checkAccessibility(page, "copies");
