@@ -220,7 +220,7 @@ TEST_F(FetcherTest, OnlyWholeImagesOfAStatedSize) {
   ExpectProblem(Options(), other_.url("/large404"), "fetch_failed", "answered with status 404");
   for (const char* status : {"201", "204", "206", "304", "401", "404", "500", "503"}) {
     ExpectProblem(Options(), other_.url(std::string("/status/") + status), "fetch_failed",
-                  std::string("answered ") + status);
+                  std::string("answered with status ") + status);
   }
 }
 
