@@ -2,9 +2,8 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 # tidy.sh [--all | FILE.cc...]: checks C++ sources by .clang-tidy, with clang-tidy 19.
-# By default: the files that differ from the point where the branch left main (on main: from the
-# commit before), and of each header the source beside it; of a large change the 20 files that changed
-# most. --all takes hours on two cores.
+# By default: the lines that differ from the point where the branch left main (on main: from the commit
+# before), those of a header through the source beside it; of a large change, the 20 files that changed most. --all takes hours on two cores.
 # The compile commands are those of build/ci (cmake --preset ci).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -26,14 +25,17 @@ if [ $# -eq 0 ]; then
   }
   [ "$base" != "$(git rev-parse HEAD)" ] || base=$(git rev-parse --verify -q HEAD~1 || echo "$base")
   # The most changed first: --all is there for the rest of a large change.
-  mapfile -t changed < <({
-    git diff --numstat --no-renames --diff-filter=d "$base" -- '*.cc' '*.h' | awk -F'\t' '{ print $1 + $2 "\t" $3 }'
-    git ls-files --others --exclude-standard -- '*.cc' '*.h' | sed 's/^/1\t/'
-  } | sort -rn | cut -f 2 | head -n "$most")
+  mapfile -t changed < <(git diff --numstat --no-renames --diff-filter=d "$base" -- '*.cc' '*.h' | awk -F'\t' '{ print $1 + $2 "\t" $3 }' |
+    sort -rn | cut -f 2 | head -n "$most")
   [ "${#changed[@]}" -gt 0 ] || { echo "No C++ file has changed."; exit 0; }
   sources=$(grep -xFf <(printf "$PWD/%s\n" "${changed[@]/%.h/.cc}") <<<"$sources" || true)
-  # Other headers that these files include may have old findings: leave them out.
-  options+=("--line-filter=[$(printf '{"name":"/%s"},' "${changed[@]}" | sed 's/,$//')]")
+  # Only the changed lines: older findings are for --all.
+  lines=$(git diff -U0 --no-renames --diff-filter=d "$base" -- "${changed[@]}" | awk '
+    /^\+\+\+ / { file = substr($2, 3) }
+    /^@@ / { split(substr($3, 2), at, ","); count = at[2] == "" ? 1 : at[2]
+             if (count > 0) ranges[file] = ranges[file] "[" at[1] "," at[1] + count - 1 "]," }
+    END { for (file in ranges) printf "{\"name\":\"/%s\",\"lines\":[%s]},", file, substr(ranges[file], 1, length(ranges[file]) - 1) }')
+  options+=("--line-filter=[${lines%,}]")
 elif [ "$1" != --all ]; then
   sources=$(realpath "$@")
 fi
