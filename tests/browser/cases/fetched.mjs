@@ -118,7 +118,7 @@ test("a part of a fetched image is searched in; one that cannot be fetched leave
   await house.waitForText(page, "#search-status", /^Found in this part: poster/);
   assert.deepEqual(await sizeOf(page), [1280, 960]);
   await drop(page, `http://${host}/none.png`);
-  await house.waitForText(page, "#search-status.error", /^The host of this address answered 404\.$/);
+  await house.waitForText(page, "#search-status.error", /^The host of this address answered with status 404\.$/);
   assert.equal(await page.locator("#query-figure").isVisible(), false);
   assert.equal(await page.getByRole("button", { name: "Select a part" }).isVisible(), false);
   assert.equal(await page.locator("#compare").isVisible(), false);
@@ -143,7 +143,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await drop(page, `http://${host}/none.png`, "#add-drop");
     await page.locator("#add-files").setInputFiles([{ name: "mug.png", mimeType: "image/png", buffer: thing(704) }]);
     await seen(2);
-    await house.waitForText(page, "#add-list li:nth-child(2) .note", /^from the web; no preview: The host of this address answered 404\.$/);
+    await house.waitForText(page, "#add-list li:nth-child(2) .note", /^from the web; no preview: The host of this address answered with status 404\.$/);
     await seen(3);
     await house.eventually(async () => assert.deepEqual(await previewSize(3), [320, 240]));
     assert.equal(await page.locator("#add-list li:nth-child(2) input").inputValue(), "none");
@@ -153,7 +153,7 @@ for (const [size, options] of [["wide", {}], ["phone", { width: 390, height: 844
     await house.shoot(page, `add-fetched-${size}`);
     await drop(page, "http://elsewhere.example/x.png", "#add-drop");
     await seen(4);
-    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*does not fetch images from this host/);
+    await house.waitForText(page, "#add-list li:nth-child(4) .note", /no preview: .*does not fetch from this host/);
     await house.closePage(page);
   });
 }

@@ -82,9 +82,9 @@ test("where the server fetches images, an address is enough: to search, after Re
   await give(page, "paste", "body", { "text/plain": `http://${host}/602.png` });
   await house.waitForText(page, "#search-status", /^Found: two/);
   await give(page, "paste", "body", { "text/plain": `http://${host}/none.png` });
-  await house.waitForText(page, "#search-status.error", /answered 404/);
+  await house.waitForText(page, "#search-status.error", /answered with status 404/);
   await give(page, "paste", "body", { "text/plain": "https://other.example/mug.png" });
-  await house.waitForText(page, "#search-status.error", /does not fetch images from this host/);
+  await house.waitForText(page, "#search-status.error", /does not fetch from this host/);
 
   await page.goto(`${fetching.address}/#/add`);
   await give(page, "drop", "#add-drop", { "text/uri-list": `http://${host}/tea%20cup%20604.png?size=9` });
