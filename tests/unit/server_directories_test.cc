@@ -39,7 +39,7 @@ TEST(ServerDirectories, BackupsLieApartFromTheDatabase) {
     for (const fs::path& same :
          {folder.path(), folder / "backups" / "..", folder / "backups" / "linked"}) {
       EXPECT_THAT(Refusal(folder / "p.db", same), ::testing::StartsWith("--backup-dir ")) << same;
-      EXPECT_THAT(Refusal(folder / "p.db", same), ::testing::HasSubstr("the database itself"));
+      EXPECT_THAT(Refusal(folder / "p.db", same), ::testing::HasSubstr("contains the database"));
     }
   }
   fs::create_symlink(folder / "p.db", folder / "backups" / "other.db");
