@@ -3,7 +3,6 @@
 #include "server/http/conditions.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -13,6 +12,7 @@
 
 #include "server/http/body_file.h"
 #include "server/http/problem.h"
+#include "server/http/request_reader.h"
 
 namespace pliant::server {
 
@@ -47,14 +47,6 @@ bool Names(const std::string& tag, const std::string& etag) {
       return true;
   }
   return tag == "*" || tag == etag;
-}
-
-std::optional<std::uint64_t> Digits(std::string_view text) {
-  std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (end != text.data() + text.size()) return std::nullopt;
-  if (error == std::errc::result_out_of_range) return UINT64_MAX;  // beyond any end
-  return error == std::errc() ? std::optional(value) : std::nullopt;
 }
 
 struct ByteRange {

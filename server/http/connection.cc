@@ -59,11 +59,19 @@ void Connection::Start() {
   Run([this] { return Await(); });
 }
 
-// Takes steps until one must wait. What fails (no memory) fails for this client, not for all.
-void Connection::Run(const std::function<bool()>& step) {
+// Takes steps until one must wait. A refused request is answered. What else fails (no memory) fails
+// for this client, not for all.
+void Connection::Run(const std::function<bool()>& first) {
+  const auto take = [this](const std::function<bool()>& step) {
+    try {
+      return step();
+    } catch (const ProblemError& refusal) {
+      return Refuse(refusal);
+    }
+  };
   try {
-    bool goes_on = phase_ != Phase::kClosed && step();
-    while (goes_on) goes_on = Step();
+    bool goes_on = phase_ != Phase::kClosed && take(first);
+    while (goes_on) goes_on = take([this] { return Step(); });
   } catch (const std::exception&) {
     Close();
   }
@@ -130,7 +138,7 @@ bool Connection::End() {
 bool Connection::OnTimeout() {
   if (phase_ == Phase::kWaiting) return Serve();
   if (phase_ == Phase::kHead || phase_ == Phase::kBody) {
-    return Refuse({"request_timeout", "The request did not arrive in time. Send it again."});
+    throw ProblemError("request_timeout", "The request did not arrive in time. Send it again.");
   }
   return End();  // nobody to tell, or nothing to say
 }
@@ -164,17 +172,15 @@ bool Connection::Receive() {
 
 bool Connection::ReceiveHead() {
   while (true) {
-    const bool arrived = reader_.ReadHead();
-    if (phase_ == Phase::kIdle && (arrived || reader_.has_bytes())) {
+    if (phase_ == Phase::kIdle && reader_.HasBytes()) {
       begun_ = Clock::now();
       Enter(Phase::kHead);
     }
-    if (arrived) break;
+    if (reader_.ReadHead()) break;
     if (!Receive()) return false;
   }
   session_ = std::make_shared<Session>(context_.sessions, reader_.head(), address_, begun_,
                                        served_ + 1 >= kMostRequestsPerConnection);
-  if (reader_.refusal()) return Refuse(ProblemError(*reader_.refusal()));
   if (!session_->takes_body_first()) return Serve();
   Enter(Phase::kBody);
   return true;
@@ -193,7 +199,6 @@ bool Connection::ReceiveBody() {
     if (got >= kMostAtOnce) return Await();
     if (!Receive()) return false;
   }
-  if (reader_.refusal()) return Refuse(ProblemError(*reader_.refusal()));
   session_->TakeBody(reader_.TakeBody(), reader_.body_bytes());
   return Serve();
 }
@@ -210,7 +215,7 @@ bool Connection::Serve() {
       },
       has_waited);
   if (taken) return false;
-  return Refuse({"busy", kTooManyRequests, {.retry_after_s = 2}});
+  throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
 }
 
 bool Connection::OnServed() {
@@ -224,7 +229,6 @@ bool Connection::OnServed() {
   }
   reader_.ReceiveInto(session_->sink());
   reader_.ReadBody();
-  if (reader_.refusal()) return Refuse(ProblemError(*reader_.refusal()));
   // Nothing else is being sent, so a socket that has no room for this is broken.
   if (session_->expects_continue() &&
       socket_.Write(kContinue.data(), kContinue.size()) != std::ssize(kContinue)) {
@@ -249,8 +253,9 @@ bool Connection::AwaitEvent() {
 }
 
 bool Connection::Refuse(const ProblemError& error) {
+  if (phase_ == Phase::kIdle) begun_ = Clock::now();
   if (!session_) {
-    session_ = std::make_shared<Session>(context_.sessions, RequestHead{}, address_, begun_, true);
+    session_ = std::make_shared<Session>(context_.sessions, reader_.head(), address_, begun_, true);
   }
   session_->Refuse(error.problem(), reader_.body_bytes());
   return SendAnswer();
@@ -258,7 +263,6 @@ bool Connection::Refuse(const ProblemError& error) {
 
 void Connection::TurnAway() {
   if (!socket_.encrypted()) {
-    begun_ = Clock::now();
     Refuse({"busy", "Too many connections. Try again shortly.", {.retry_after_s = 2}});
     socket_.Write(answer_.text.data(), answer_.text.size());
   }

@@ -90,7 +90,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     kClosed
   };
 
-  void Run(const std::function<bool()>& step);
+  void Run(const std::function<bool()>& first);
   void Enter(Phase phase);
   void SetDeadline(Clock::time_point at) { context_.loop.SetDeadline(socket_.fd(), at); }
   // These perform a step, and return whether the next step can follow at once.

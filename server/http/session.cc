@@ -54,6 +54,7 @@ Session::Session(SessionContext& context, RequestHead head, const std::string& r
   request_.query = QueryOf(head_.target);
   request_.headers = std::move(head_.fields);
   if (head_.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
+  request_.has_body = head_.framing != BodyFraming::kNone;
   request_.remote_address = record_.remote_address = remote_address;
   const std::string type = request_.header("Content-Type");
   request_.content_type = Lower(Trimmed(type.substr(0, type.find(';'))));
@@ -115,8 +116,15 @@ void Session::Serve() {
 // Checks the whole head before a long body is sent for nothing. Returns the answer to a browser's
 // preflight.
 std::optional<Response> Session::Check() {
-  CheckFraming();
   // HTTP/1.0, which no browser speaks, does without the header.
+  if (!head_.is_http_1_0 && request_.headers.count("Host") != 1) {
+    throw ProblemError("bad_request", "A request needs exactly one Host header.");
+  }
+  const std::string coding = Lower(request_.header("Content-Encoding"));
+  if (request_.has_body && !coding.empty() && coding != "identity") {
+    throw ProblemError("unsupported_content_encoding",
+                       "The server does not accept compressed bodies. Send the body uncompressed.");
+  }
   const auto host = request_.headers.find("Host");
   if (host != request_.headers.end() && !context_.allowed_hosts.Allows(host->second)) {
     throw ProblemError("host_not_allowed",
@@ -155,21 +163,6 @@ std::optional<Response> Session::Check() {
     request_.received = route_->receive(request_, head_.length);
   }
   return std::nullopt;
-}
-
-void Session::CheckFraming() {
-  request_.has_body = head_.framing != BodyFraming::kNone;
-  if (!head_.is_http_1_0 && request_.headers.count("Host") != 1) {
-    throw ProblemError("bad_request", "A request needs exactly one Host header.");
-  }
-  if (head_.framing == BodyFraming::kUnknown) {
-    throw ProblemError("unsupported_transfer_encoding", "The Transfer-Encoding must be chunked.");
-  }
-  const std::string coding = Lower(request_.header("Content-Encoding"));
-  if (request_.has_body && !coding.empty() && coding != "identity") {
-    throw ProblemError("unsupported_content_encoding",
-                       "The server does not accept compressed bodies. Send the body uncompressed.");
-  }
 }
 
 void Session::Admit() {
