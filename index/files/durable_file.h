@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Files that survive power loss, and the system's errors as Error. Private to index/.
+// Files that survive power loss, and the system's errors as Error.
 #pragma once
 
 #include <filesystem>

@@ -3,6 +3,7 @@
 #include "server/jobs/backups.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <optional>
 
@@ -96,11 +97,8 @@ void Backups::Remove(const std::string& name) const {
   const bool removed = fs::remove(directory_ / name, error);
   if (!error && !removed) ThrowNotFound();  // another request was faster
   if (!error) return;
-  const bool read_only = error == std::errc::permission_denied ||
-                         error == std::errc::operation_not_permitted ||
-                         error == std::errc::read_only_file_system;
-  throw Error(read_only ? ErrorCode::kReadOnly : ErrorCode::kInternal, "backup_not_removed",
-              (directory_ / name).string() + ": " + error.message());
+  errno = error.value();
+  ThrowErrno("cannot remove", directory_ / name);
 }
 
 JobStatus Backups::Add(JobStore& jobs, std::string name) const {
