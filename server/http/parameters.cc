@@ -239,8 +239,8 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   for (const Parameter& parameter : route_.parameters) {
     if (parameter.required && !images_.contains(parameter.name) &&
         Text(parameter.name).value_or("").empty()) {
-      throw ProblemError("missing_parameter", parameter.name + " is required.")
-          .Parameter(parameter.name);
+      throw ProblemError("missing_parameter", parameter.name + " is required.",
+                         {.parameter = parameter.name});
     }
   }
 }
@@ -253,8 +253,8 @@ const Parameter& Parameters::Known(const std::string& name) const {
   throw ProblemError(
       "unknown_parameter",
       fmt::format("Unknown parameter \"{}\". This route takes {}.", shown,
-                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))))
-      .Parameter(shown);
+                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))),
+      {.parameter = shown});
 }
 
 void Parameters::InsertText(const std::string& name, const std::string& text) {
@@ -271,7 +271,8 @@ void Parameters::InsertJson(const std::string& name, Json value) {
 void Parameters::Insert(const Parameter& spec, Json value) {
   const std::string& name = spec.name;
   if (has(name)) {
-    throw ProblemError("duplicate_parameter", name + " was given more than once.").Parameter(name);
+    throw ProblemError("duplicate_parameter", name + " was given more than once.",
+                       {.parameter = name});
   }
   if (const std::string wanted = WantedOf(spec, value); !wanted.empty()) {
     ThrowInvalid(name, name + " must be " + wanted + ".");
@@ -319,7 +320,7 @@ const ImageText* Parameters::Image(const std::string& name) const {
 }
 
 void ThrowInvalid(const std::string& name, const std::string& detail) {
-  throw ProblemError("invalid_parameter", detail).Parameter(name);
+  throw ProblemError("invalid_parameter", detail, {.parameter = name});
 }
 
 }  // namespace pliant::server

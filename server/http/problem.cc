@@ -10,8 +10,6 @@
 #include <string_view>
 #include <utility>
 
-#include <spdlog/spdlog.h>
-
 #include "index/files/text.h"
 #include "server/http/json.h"
 
@@ -148,6 +146,21 @@ Problem Hidden(const std::string& code, const std::string& internal) {
   return Completed(code, detail, {.internal = internal});
 }
 
+int StatusOf(ErrorCode code) {
+  constexpr std::pair<ErrorCode, int> kStatuses[] = {
+      {ErrorCode::kInvalidArgument, 400},
+      {ErrorCode::kNotFound, 404},
+      {ErrorCode::kConflict, 409},
+      {ErrorCode::kTooLarge, 413},
+      {ErrorCode::kUnsupportedMediaType, 415},
+      {ErrorCode::kUnprocessable, 422},
+      {ErrorCode::kUnavailable, 503},
+      {ErrorCode::kCancelled, 503},
+      {ErrorCode::kNoSpace, 507},
+  };
+  return ValueOf(kStatuses, code, 500);
+}
+
 Problem FromError(const Error& error) {
   const int status = StatusOf(error.code());
   if (status >= 500) {
@@ -188,21 +201,6 @@ const ProblemCode& ProblemCodeOf(const std::string& code) {
   throw std::logic_error("unlisted problem code " + code);
 }
 
-int StatusOf(ErrorCode code) {
-  constexpr std::pair<ErrorCode, int> kStatuses[] = {
-      {ErrorCode::kInvalidArgument, 400},
-      {ErrorCode::kNotFound, 404},
-      {ErrorCode::kConflict, 409},
-      {ErrorCode::kTooLarge, 413},
-      {ErrorCode::kUnsupportedMediaType, 415},
-      {ErrorCode::kUnprocessable, 422},
-      {ErrorCode::kUnavailable, 503},
-      {ErrorCode::kCancelled, 503},
-      {ErrorCode::kNoSpace, 507},
-  };
-  return ValueOf(kStatuses, code, 500);
-}
-
 ProblemError::ProblemError(const std::string& code, const std::string& detail, Problem more)
     : ProblemError(Completed(code, detail, std::move(more))) {}
 
@@ -223,10 +221,6 @@ Problem CurrentProblem() {
   } catch (...) {
     return Hidden("internal", "an exception of an unknown type");
   }
-}
-
-void LogProblem(const Problem& problem) {
-  if (!problem.internal.empty()) spdlog::warn("{}: {}", problem.code, problem.internal);
 }
 
 Response ProblemResponse(const Problem& problem, const std::string& request_id) {

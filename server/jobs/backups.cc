@@ -15,6 +15,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/text.h"
 #include "index/store/open_store.h"
+#include "server/http/parameters.h"
 
 namespace pliant::server {
 
@@ -105,9 +106,7 @@ JobStatus Backups::Add(JobStore& jobs, std::string name) const {
   RequireDirectory();
   if (name.empty()) name = NameOfNow();
   if (!IsName(name)) {
-    throw ProblemError("invalid_parameter",
-                       "name must be at most 100 letters, digits, . _ - and end in \".db\".")
-        .Parameter("name");
+    ThrowInvalid("name", "name must be at most 100 letters, digits, . _ - and end in \".db\".");
   }
   if (fs::exists(fs::symlink_status(directory_ / name))) {
     throw ProblemError("backup_exists", "A backup with this name exists. Choose another name.");

@@ -72,8 +72,8 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
   RequireDiskSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
   std::shared_ptr<int> slot = slots_;
   if (slot.use_count() - 1 > kMostUploads) {  // slots_ itself is one
-    throw ProblemError("busy", "Other clients are sending large imports. Try again later.")
-        .RetryAfter(30);
+    throw ProblemError("busy", "Other clients are sending large imports. Try again later.",
+                       {.retry_after_s = 30});
   }
   std::string id;
   fs::path path;

@@ -9,6 +9,7 @@
 #include "descriptor/base/parallel.h"
 #include "index/import/folder_import.h"
 #include "index/json/record_json.h"
+#include "server/http/parameters.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -24,7 +25,7 @@ constexpr std::chrono::seconds kPauseWhenBusy{1};
 constexpr int kItemsAtOnce = 500;  // read back from the store
 
 [[noreturn]] void ThrowBadFolder(const std::string& why) {
-  throw ProblemError("invalid_parameter", "folder " + why).Parameter("folder");
+  ThrowInvalid("folder", "folder " + why);
 }
 
 ObjectFrom ObjectFromName(const std::string& name) {

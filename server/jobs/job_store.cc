@@ -149,7 +149,8 @@ std::optional<JobStatus> JobStore::AddNew(const std::string& kind, const std::st
       return one->status.state == JobState::kQueued;
     });
     if (static_cast<std::size_t>(queued) >= kMaxQueued) {
-      throw ProblemError("busy", "Too many jobs are waiting. Try again later.").RetryAfter(10);
+      throw ProblemError("busy", "Too many jobs are waiting. Try again later.",
+                         {.retry_after_s = 10});
     }
     own_.push_back(job);  // before its row: else JobWatcher would adopt it as an unknown one
   }

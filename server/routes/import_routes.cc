@@ -16,7 +16,8 @@ namespace {
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
   const CollectionRecord collection = service.engine().GetCollection(request.captures.at("c"));
   if (request.received ? request.received->All().empty() : request.body.empty()) {
-    throw ProblemError("missing_parameter", "The body is empty. Send images.").Parameter("body");
+    throw ProblemError("missing_parameter", "The body is empty. Send images.",
+                       {.parameter = "body"});
   }
   const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
                               .metadata = parameters.JsonObject("metadata").value_or("{}"),

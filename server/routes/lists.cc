@@ -58,8 +58,8 @@ std::string AfterFromCursor(const Parameters& parameters, const std::string& lis
 
 void ThrowInvalidCursor() {
   throw ProblemError("invalid_cursor",
-                     "Invalid cursor for this list. Start again without a cursor.")
-      .Parameter("cursor");
+                     "Invalid cursor for this list. Start again without a cursor.",
+                     {.parameter = "cursor"});
 }
 
 Parameter FilterParameter() {

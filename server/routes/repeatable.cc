@@ -77,8 +77,8 @@ Response Replayed(const std::string& remembered) {
 
 [[noreturn]] void ThrowRunning() {
   throw ProblemError("idempotency_running",
-                     "The first request with this Idempotency-Key is still running.")
-      .RetryAfter(1);
+                     "The first request with this Idempotency-Key is still running.",
+                     {.retry_after_s = 1});
 }
 
 // Requests with a key that run in this process, by caller and key.
