@@ -233,8 +233,14 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   if (request.content_type == "application/json" && !request.body.empty() &&
       route.body != BodyKind::kMergePatch) {
     Json body = ParseJsonObject(request.body, "body");
-    if (route.body == BodyKind::kImageOrJson) image_ = TakeImage(body);
-    for (auto& [name, value] : body.items()) InsertJson(name, std::move(value));
+    if (route.body == BodyKind::kImageOrJson) {
+      ImageText image = TakeImage(body);
+      if (image.base64 || image.url) images_.emplace("", std::move(image));
+    }
+    for (auto& [name, value] : body.items()) {
+      const Parameter& spec = Known(name);
+      if (!value.is_null()) Insert(spec, std::move(value));
+    }
   }
   for (const Parameter& parameter : route_.parameters) {
     if (parameter.required && !images_.contains(parameter.name) &&
@@ -261,11 +267,6 @@ void Parameters::InsertText(const std::string& name, const std::string& text) {
   const Parameter& spec = Known(name);
   if (!IsValidUtf8(text)) ThrowInvalid(name, name + " must be valid UTF-8.");
   Insert(spec, ValueOf(spec, text));
-}
-
-void Parameters::InsertJson(const std::string& name, Json value) {
-  const Parameter& spec = Known(name);
-  if (!value.is_null()) Insert(spec, std::move(value));
 }
 
 void Parameters::Insert(const Parameter& spec, Json value) {
@@ -305,14 +306,8 @@ std::optional<std::string> Parameters::Text(const std::string& name) const {
   return value->is_string() ? value->get<std::string>() : ToText(*value);
 }
 
-std::optional<std::string> Parameters::JsonObject(const std::string& name) const {
-  const auto object = Value<Json>(name, Type::kJson);
-  if (!object) return std::nullopt;
-  return ToText(*object);
-}
-
 const ImageText* Parameters::Image(const std::string& name) const {
-  if (Spec(name).type != Type::kImage) {
+  if (!name.empty() && Spec(name).type != Type::kImage) {
     throw std::logic_error("parameter " + name + " has another type");
   }
   const auto it = images_.find(name);

@@ -142,7 +142,12 @@ std::optional<Response> Session::Check() {
   context_.origins.CheckSameSite(request_);
   route_ = &context_.router.Resolve(request_);
   record_.route = route_->name;
-  CheckConditions(*route_, request_);
+  // The request must not be performed as if the condition held (RFC 9110, section 13.1.1).
+  if (request_.method != "GET" && !route_->takes_if_match &&
+      request_.headers.contains("If-Match")) {
+    throw ProblemError("precondition_failed",
+                       "This route does not support If-Match. Nothing was changed.");
+  }
   Admit();
   if (route_->needs_index && context_.stopping) {
     throw ProblemError("stopping", "The server is stopping.");

@@ -20,7 +20,7 @@ Response Import(Service& service, const Request& request, const Parameters& para
                        {.parameter = "body"});
   }
   const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
-                              .metadata = parameters.JsonObject("metadata").value_or("{}"),
+                              .metadata = parameters.Text("metadata").value_or("{}"),
                               .object_from = parameters.Text("object_from").value_or("auto")};
   if (!request.received) {  // the body waits in the database
     RequireDiskSpace(FolderOf(service.options.engine.database), request.body.size(),

@@ -54,7 +54,7 @@ std::vector<UploadedImage> ImageParts(const Request& request) {
 
 bool HasImage(const Request& request, const Parameters& parameters) {
   if (request.content_type == "application/json") {
-    return parameters.image_base64() != nullptr || parameters.image_url() != nullptr;
+    return parameters.Image() != nullptr;
   }
   return request.is_multipart() ? !ImageParts(request).empty() : request.has_body;
 }
@@ -67,11 +67,9 @@ UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetc
                        "'image' (base64) or 'image_url' in JSON.",
                        {.parameter = kImagePart});
   }
-  if (const std::string* base64 = parameters.image_base64()) {
-    return ImageOfBase64(*base64, kImagePart);
-  }
-  if (const std::string* url = parameters.image_url()) {
-    return ImageOfFetched(fetcher.Fetch(*url, whom));
+  if (const ImageText* named = parameters.Image()) {
+    return named->base64 ? ImageOfBase64(*named->base64, kImagePart)
+                         : ImageOfFetched(fetcher.Fetch(*named->url, whom));
   }
   if (!request.is_multipart()) return {AsBytes(request.body), {}, {}};
   std::vector<UploadedImage> images = ImageParts(request);
