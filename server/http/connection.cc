@@ -51,9 +51,8 @@ Connection::Connection(ConnectionContext& context, int socket_fd, const TlsConte
       reader_(limits_.max_header_bytes, limits_.max_body_bytes, &context.budget) {}
 
 void Connection::Start() {
-  context_.loop.Add(socket_.fd(), [self = shared_from_this()](EventLoop::Event event) {
-    self->Run(
-        [&] { return event == EventLoop::Event::kTimeout ? self->OnTimeout() : self->Step(); });
+  context_.loop.Add(socket_.fd(), [self = shared_from_this()](bool timed_out) {
+    self->Run([&] { return timed_out ? self->OnTimeout() : self->Step(); });
   });
   Enter(socket_.encrypted() ? Phase::kHandshake : Phase::kIdle);
   Run([this] { return Await(); });

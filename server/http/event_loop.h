@@ -13,14 +13,15 @@
 #include <utility>
 #include <vector>
 
+#include "index/files/durable_file.h"
+
 namespace pliant::server {
 
 using Clock = std::chrono::steady_clock;
 
 class EventLoop {
  public:
-  enum class Event { kReady, kTimeout };
-  using Handler = std::function<void(Event)>;
+  using Handler = std::function<void(bool timed_out)>;
   static constexpr Clock::time_point kNever = Clock::time_point::max();
 
   EventLoop();
@@ -47,11 +48,12 @@ class EventLoop {
 
   void Run();
   void RunTasks();
-  void Call(int fd, Event event);
+  void Call(int fd, bool timed_out);
+  void Control(int operation, int fd, std::uint32_t events) const;
   int MillisecondsToDeadline() const;
 
-  int epoll_fd_;
-  int wake_fd_;
+  const FileHandle epoll_;
+  const FileHandle wake_;
   std::unordered_map<int, Entry> entries_;
   std::set<std::pair<Clock::time_point, int>> deadlines_;
 

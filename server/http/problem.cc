@@ -119,11 +119,7 @@ const ProblemCode* FindCode(const std::string& code) {
 }
 
 Problem Completed(const std::string& code, const std::string& detail, Problem problem) {
-  const ProblemCode* known = FindCode(code);
-  if (known == nullptr) {
-    return {.status = 500, .code = "internal", .internal = "unlisted problem code " + code};
-  }
-  problem.status = known->status;
+  problem.status = ProblemCodeOf(code).status;
   problem.code = code;
   problem.detail = detail;
   if (problem.status == 503 && problem.retry_after_s == 0) {

@@ -49,7 +49,7 @@ const ProblemCode& ProblemCodeOf(const std::string& code);
 // Ends a request with a problem.
 class ProblemError : public std::runtime_error {
  public:
-  // ProblemCodes() gives the status; an unknown code is a defect and becomes "internal".
+  // ProblemCodes() gives the status. Throws std::logic_error for a code that is not listed.
   ProblemError(const std::string& code, const std::string& detail, Problem more = {});
   explicit ProblemError(Problem problem);
 

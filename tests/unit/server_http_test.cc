@@ -249,7 +249,7 @@ TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {
     }
     EXPECT_EQ(problem.retry_after_s > 0, status == 503);
   }
-  EXPECT_EQ(ProblemError("no_such_code", "x").problem().status, 500);
+  EXPECT_THROW(ProblemError("no_such_code", "x"), std::logic_error);
   try {
     throw Error(ErrorCode::kInvalidArgument, "min_score_invalid", "min_score must be 0 to 1");
   } catch (...) {
