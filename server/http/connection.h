@@ -31,8 +31,6 @@ class Workers {
  public:
   Workers(int threads, int limit) : limit_(limit), pool_(static_cast<std::size_t>(threads)) {}
   ~Workers() { Finish(); }
-  Workers(const Workers&) = delete;
-  Workers& operator=(const Workers&) = delete;
 
   // false = the queue is full; with `past_limit` it takes the task anyway.
   bool Run(std::function<void()> task, bool past_limit = false);

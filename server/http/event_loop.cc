@@ -90,11 +90,9 @@ void EventLoop::Call(int fd, bool timed_out) {
 }
 
 void EventLoop::RunTasks() {
-  std::vector<std::function<void()>> tasks;
-  {
-    const std::lock_guard lock(mutex_);
-    tasks.swap(tasks_);
-  }
+  std::unique_lock lock(mutex_);
+  const auto tasks = std::exchange(tasks_, {});
+  lock.unlock();
   for (const auto& task : tasks) task();
 }
 

@@ -26,8 +26,6 @@ class EventLoop {
 
   EventLoop();
   ~EventLoop();  // runs the tasks so far and ends the thread; handlers are dropped
-  EventLoop(const EventLoop&) = delete;
-  EventLoop& operator=(const EventLoop&) = delete;
 
   // Runs `task` on the loop's thread. From any thread.
   void Post(std::function<void()> task);

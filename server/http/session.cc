@@ -37,21 +37,15 @@ std::string Printable(std::string_view text) {
   return printable;
 }
 
-std::multimap<std::string, std::string> QueryOf(const std::string& target) {
-  httplib::Params query;
-  const std::size_t mark = target.find('?');
-  if (mark != std::string::npos) httplib::detail::parse_query_text(target.substr(mark + 1), query);
-  return {query.begin(), query.end()};
-}
-
 }  // namespace
 
 Session::Session(SessionContext& context, RequestHead head, const std::string& remote_address,
                  std::chrono::steady_clock::time_point begun, bool is_last)
     : context_(context), begun_(begun), head_(std::move(head)) {
   request_.method = head_.method == "HEAD" ? "GET" : head_.method;
-  request_.path = head_.target.substr(0, head_.target.find('?'));
-  request_.query = QueryOf(head_.target);
+  const std::size_t mark = std::min(head_.target.find('?'), head_.target.size());
+  request_.path = head_.target.substr(0, mark);
+  httplib::detail::parse_query_text(head_.target.substr(mark).erase(0, 1), request_.query);
   request_.headers = std::move(head_.fields);
   if (head_.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
   request_.has_body = head_.framing != BodyFraming::kNone;

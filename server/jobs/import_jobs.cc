@@ -24,10 +24,6 @@ constexpr int kTriesWhenBusy = 30;
 constexpr std::chrono::seconds kPauseWhenBusy{1};
 constexpr int kItemsAtOnce = 500;  // read back from the store
 
-[[noreturn]] void ThrowBadFolder(const std::string& why) {
-  ThrowInvalid("folder", "folder " + why);
-}
-
 ObjectFrom ObjectFromName(const std::string& name) {
   if (name == "folder") return ObjectFrom::kFolder;
   if (name == "stem") return ObjectFrom::kStem;
@@ -197,8 +193,9 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
   const fs::path relative(name);
   if (name.empty() || name.find('\0') != std::string::npos || relative.is_absolute() ||
       std::find(relative.begin(), relative.end(), "..") != relative.end()) {
-    ThrowBadFolder(
-        "must be a path inside the import directory, without \"..\". Use \".\" for all.");
+    ThrowInvalid(
+        "folder",
+        "folder must be a path inside the import directory, without \"..\". Use \".\" for all.");
   }
   std::error_code error;
   const fs::path root = fs::canonical(directory, error);
@@ -208,7 +205,7 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
   }
   const fs::path folder = fs::canonical(root / relative, error);
   if (error || !IsInside(root, folder) || !fs::is_directory(folder, error)) {
-    ThrowBadFolder("is not a folder inside the import directory.");
+    ThrowInvalid("folder", "folder is not a folder inside the import directory.");
   }
   return folder;
 }
