@@ -45,10 +45,10 @@ bool Workers::Run(std::function<void()> task, bool past_limit) {
 
 Connection::Connection(ConnectionContext& context, int socket_fd, const TlsContext* tls)
     : context_(context),
-      limits_(context.sessions.options.limits),
+      options_(context.sessions.options),
       socket_(socket_fd, tls),
       address_(socket_.PeerAddress()),
-      reader_(limits_.max_header_bytes, limits_.max_body_bytes, &context.budget) {}
+      reader_(options_.max_header_bytes, options_.max_body_bytes, &context.budget) {}
 
 void Connection::Start() {
   context_.loop.Add(socket_.fd(), [self = shared_from_this()](bool timed_out) {
@@ -104,18 +104,18 @@ void Connection::Enter(Phase phase) {
   switch (phase) {
     case Phase::kHandshake:
     case Phase::kHead:
-      return SetDeadline(now + limits_.header_timeout);
+      return SetDeadline(now + options_.header_timeout);
     case Phase::kIdle:
-      return SetDeadline(now + limits_.idle_timeout);
+      return SetDeadline(now + options_.idle_timeout);
     case Phase::kBody:
-      last_deadline_ = now + limits_.body_timeout + TimeFor(reader_.body_left());
-      return SetDeadline(now + limits_.body_timeout);
+      last_deadline_ = now + options_.body_timeout + TimeFor(reader_.body_left());
+      return SetDeadline(now + options_.body_timeout);
     case Phase::kWaiting:
       return SetDeadline(session_->wait().until);
     case Phase::kSending:
       last_deadline_ =
-          now + limits_.answer_timeout + TimeFor(answer_.file ? answer_.file->size() : 0);
-      return SetDeadline(now + limits_.write_timeout);
+          now + options_.answer_timeout + TimeFor(answer_.file ? answer_.file->size() : 0);
+      return SetDeadline(now + options_.write_timeout);
     case Phase::kDiscarding:
       return SetDeadline(now + kDiscardTime);
     case Phase::kServing:
@@ -193,7 +193,7 @@ bool Connection::ReceiveBody() {
     // to that for what has come.
     if (reader_.has_sink() && got > 0) {
       const auto earned = TimeFor(reader_.body_left() > 0 ? 0 : reader_.body_bytes());
-      SetDeadline(std::min(last_deadline_ + earned, Clock::now() + limits_.body_timeout));
+      SetDeadline(std::min(last_deadline_ + earned, Clock::now() + options_.body_timeout));
     }
     if (got >= kMostAtOnce) return Await();
     if (!Receive()) return false;
@@ -310,7 +310,7 @@ bool Connection::Send() {
     const bool kept = held_ > 0 || answer_.file || unsent <= kAlwaysKeptBytes;
     if (sent != Socket::kWait || !kept) return End();
     if (sent_now > 0) {
-      SetDeadline(std::min(last_deadline_, Clock::now() + limits_.write_timeout));
+      SetDeadline(std::min(last_deadline_, Clock::now() + options_.write_timeout));
     }
     return Await();
   }

@@ -110,7 +110,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool Refill();   // answer_.text with the next piece
 
   ConnectionContext& context_;
-  const ConnectionLimits& limits_;
+  const HttpOptions& options_;
   Socket socket_;
   const std::string address_;
 

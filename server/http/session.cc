@@ -73,9 +73,9 @@ bool Session::expects_continue() const {
 }
 
 bool Session::takes_body_first() const {
-  return head_.framing == BodyFraming::kLength &&
-         head_.length <= context_.options.limits.max_body_bytes && !expects_continue() &&
-         !request_.headers.contains("Content-Encoding") && context_.admitted.Has(request_);
+  return head_.framing == BodyFraming::kLength && head_.length <= context_.options.max_body_bytes &&
+         !expects_continue() && !request_.headers.contains("Content-Encoding") &&
+         context_.admitted.Has(request_);
 }
 
 void Session::TakeBody(std::string body, std::uint64_t bytes) {
@@ -155,8 +155,8 @@ std::optional<Response> Session::Check() {
     request_.body = {};
   }
   // Chunks can have any number of bytes in total.
-  const bool is_long = head_.framing == BodyFraming::kChunked ||
-                       head_.length > context_.options.limits.max_body_bytes;
+  const bool is_long =
+      head_.framing == BodyFraming::kChunked || head_.length > context_.options.max_body_bytes;
   if (request_.has_body && route_->receive && is_long) {
     const Parameters checked(*route_, request_);
     request_.received = route_->receive(request_, head_.length);
@@ -266,7 +266,7 @@ std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const
     add("Connection", "close");
   } else {
     if (head_.is_http_1_0) add("Connection", "keep-alive");
-    const auto idle = std::chrono::ceil<std::chrono::seconds>(context_.options.limits.idle_timeout);
+    const auto idle = std::chrono::ceil<std::chrono::seconds>(context_.options.idle_timeout);
     add("Keep-Alive", fmt::format("timeout={}, max={}", idle.count(), kMostRequestsPerConnection));
   }
   return head + "\r\n";
