@@ -42,12 +42,15 @@ class CodeLists {
   // Calls `visit` for each image with the word, ascending, and its number of occurrences.
   template <typename Visit>  // void(std::size_t image, std::size_t count)
   void ForEachCount(std::uint32_t word, Visit&& visit) const {
+    const std::uint8_t* const images = images_.data();
+    const std::uint32_t* const offsets = &offsets_[word * pages_];
     for (std::size_t page = 0; page < pages_; ++page) {
-      const std::size_t end = offsets_[word * pages_ + page + 1];
-      for (std::size_t i = offsets_[word * pages_ + page]; i < end;) {
+      const std::size_t end = offsets[page + 1];
+      for (std::size_t i = offsets[page]; i < end;) {
         const std::size_t first = i;
-        while (++i < end && images_[i] == images_[first]) continue;
-        visit(page * kPage + images_[first], i - first);
+        const std::uint8_t image = images[i];
+        while (++i < end && images[i] == image) continue;
+        visit(page * kPage + image, i - first);
       }
     }
   }

@@ -172,7 +172,7 @@ Response Thumbnail(Service& service, const Request& request, const Parameters& p
     if (!jpeg) {
       jpeg = std::make_shared<const std::string>(service.Shrink(
           service.engine().GetContent(image.collection, image.id), kThumbnailSidePx));
-      service.thumbnails.Insert(image.sha256, jpeg);
+      service.thumbnails.Add(image.sha256, jpeg);
     }
     response.content_type = "image/jpeg";
     response.body = *jpeg;

@@ -117,8 +117,7 @@ std::string ListIdentity(const char* list, const Selection& which, const Paramet
         parameters.takes(name) ? parameters.Text(name) : std::optional<std::string>();
     asked.push_back(value ? Json(*value) : Json(nullptr));
   }
-  const std::string text = ToText(asked);
-  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return Sha256Hex(ToText(asked));
 }
 
 PageOptions PageOptionsOf(const Parameters& parameters, const std::string& identity) {
