@@ -5,7 +5,7 @@
 // request, a worker, an event of a handler, or the client to receive the answer. So a thousand slow
 // clients cost only memory.
 //
-// An upload changes threads twice: it is accepted and received here, served by a worker, and its
+// An upload changes threads three times: it is accepted, received here, served by a worker, and its
 // answer is sent here.
 #pragma once
 

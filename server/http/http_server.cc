@@ -3,21 +3,17 @@
 #include "server/http/http_server.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <condition_variable>
 #include <future>
 #include <mutex>
 #include <set>
+#include <thread>
 #include <utility>
 
-#include <netdb.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
-#include <sys/epoll.h>
+#include <httplib.h>
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
-#include "index/files/durable_file.h"
 #include "server/http/connection.h"
 
 namespace pliant::server {
@@ -25,51 +21,29 @@ namespace pliant::server {
 namespace {
 
 constexpr int kListenBacklog = 512;
-constexpr std::chrono::milliseconds kFilesPause{10};
 
-// Listens on the first of the host's addresses that this machine has. Without SO_REUSEPORT: two
-// servers on one port must not go unnoticed. Connections inherit TCP_NODELAY.
-FileHandle Listen(const std::string& host, const std::string& port) {
-  addrinfo hints{};
-  hints.ai_flags = AI_PASSIVE;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) found = nullptr;
-  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, freeaddrinfo);
-  for (const addrinfo* one = found; one != nullptr; one = one->ai_next) {
-    FileHandle listener(socket(one->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    const int yes = 1;
-    const int no = 0;
-    setsockopt(listener.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-    setsockopt(listener.get(), IPPROTO_IPV6, IPV6_V6ONLY, &no, sizeof(no));
-    setsockopt(listener.get(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
-    if (bind(listener.get(), one->ai_addr, one->ai_addrlen) == 0 &&
-        listen(listener.get(), kListenBacklog) == 0) {
-      return listener;
-    }
+// What httplib::TaskQueue::enqueue() returns: nothing, or since 0.13 whether the task was taken.
+using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));
+
+// Runs the library's tasks at once: they only pass accepted connections on.
+class PassingQueue final : public httplib::TaskQueue {
+ public:
+  Enqueued enqueue(std::function<void()> task) override {
+    task();
+    return Enqueued(true);
   }
-  throw Error(ErrorCode::kUnavailable, "address_in_use",
-              "cannot listen on " + host + ":" + port +
-                  ": the port is in use, or this machine does not have the address");
-}
-
-int PortOf(const FileHandle& listener) {
-  sockaddr_in6 address{};  // the port of an IPv4 address has the same place
-  socklen_t size = sizeof(address);
-  getsockname(listener.get(), reinterpret_cast<sockaddr*>(&address), &size);
-  return ntohs(address.sin6_port);
-}
+  void shutdown() override {}
+};
 
 }  // namespace
 
-// Accepts connections on the loop's thread.
-class HttpServer::Impl {
+// The library listens and accepts. process_and_close_socket() is private there:
+// server/CMakeLists.txt refuses versions with which that was not tried.
+class HttpServer::Impl final : public httplib::Server {
  public:
   Impl(const Router& router, HttpOptions options, AdmitRequest admit,
        std::function<void(const RequestRecord&)> on_request)
-      : listener_(Listen(options.host, std::to_string(options.port))),
-        port_(PortOf(listener_)),
-        context_{.sessions = {.options = std::move(options),
+      : context_{.sessions = {.options = std::move(options),
                               .router = router,
                               .admit = std::move(admit),
                               .on_request = std::move(on_request)},
@@ -77,23 +51,34 @@ class HttpServer::Impl {
     if (!options_.tls_certificate.empty()) {
       tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
     }
+    new_task_queue = [] { return new PassingQueue; };
+    set_socket_options([this](socket_t listener) {
+      // Without SO_REUSEPORT, which the library sets: two servers on one port must not go
+      // unnoticed.
+      const int yes = 1;
+      setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+      listener_ = listener;  // of several addresses, the last tried is the one that is bound
+    });
+    set_tcp_nodelay(true);
+    Bind();
   }
 
-  ~Impl() { Drain(std::chrono::milliseconds(0)); }
+  ~Impl() override { Drain(std::chrono::milliseconds(0)); }
 
   void Start() {
-    context_.loop.Post([this] {
-      context_.loop.Add(listener_.get(), [this](bool) { Accept(); });
-      Accept();
-    });
+    accepting_ = std::thread([this] { listen_after_bind(); });
+    // The library's stop() is lost when it comes before the loop runs.
+    while (!is_running()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
   }
 
   std::size_t Drain(std::chrono::milliseconds deadline) {
     context_.sessions.stopping = true;
-    context_.loop.Post([this] {
-      context_.loop.Remove(listener_.get());
-      listener_.Close();
-    });
+    if (accepting_.joinable()) {
+      stop();
+      accepting_.join();
+    }
     ForEach([](Connection& connection) { connection.Drain(); });
     std::unique_lock lock(mutex_);
     closed_one_.wait_for(lock, deadline, [&] { return connections_.empty(); });
@@ -110,16 +95,23 @@ class HttpServer::Impl {
   int port() const { return port_; }
 
  private:
-  void Accept() {
-    int fd = 0;
-    while ((fd = accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0) {
-      Begin(std::make_shared<Connection>(context_, fd, tls_.get()));
+  void Bind() {
+    const int port = options_.port == 0
+                         ? bind_to_any_port(options_.host)
+                         : (bind_to_port(options_.host, options_.port) ? options_.port : -1);
+    if (port <= 0) {
+      throw Error(ErrorCode::kUnavailable, "address_in_use",
+                  "cannot listen on " + options_.host + ":" + std::to_string(options_.port) +
+                      ": the port is in use, or this machine does not have the address");
     }
-    // Without a file for it, the next connection stays in the queue.
-    if (IsOutOfFiles(errno)) {
-      return context_.loop.SetDeadline(listener_.get(), Clock::now() + kFilesPause);
-    }
-    context_.loop.Await(listener_.get(), EPOLLIN);
+    port_ = port;
+    ::listen(listener_, kListenBacklog);  // the library's own backlog is 5
+  }
+
+  bool process_and_close_socket(socket_t socket_fd) override {
+    const auto connection = std::make_shared<Connection>(context_, socket_fd, tls_.get());
+    context_.loop.Post([this, connection] { Begin(connection); });
+    return true;
   }
 
   void Begin(const std::shared_ptr<Connection>& connection) {
@@ -158,8 +150,8 @@ class HttpServer::Impl {
   }
 
   std::unique_ptr<TlsContext> tls_;
-  FileHandle listener_;
-  const int port_;
+  int port_ = 0;
+  socket_t listener_ = INVALID_SOCKET;  // owned by the library
 
   std::mutex mutex_;  // guards changes of connections_ by the loop's thread
   std::condition_variable closed_one_;
@@ -167,6 +159,7 @@ class HttpServer::Impl {
 
   ConnectionContext context_;
   const HttpOptions& options_ = context_.sessions.options;
+  std::thread accepting_;
 };
 
 HttpServer::HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,

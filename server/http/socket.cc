@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <climits>
 
+#include <fcntl.h>
 #include <netdb.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
@@ -56,6 +57,7 @@ Socket::Socket(int fd, const TlsContext* tls)
       encrypted_(tls != nullptr),
       ssl_(encrypted_ ? SSL_new(tls->context_.get()) : nullptr, SSL_free),
       awaited_(EPOLLIN) {
+  fcntl(fd, F_SETFL, fcntl(fd, F_GETFL) | O_NONBLOCK);
   if (encrypted_) failed_ = ssl_ == nullptr || SSL_set_fd(ssl_.get(), fd) != 1;
 }
 

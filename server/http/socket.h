@@ -38,7 +38,7 @@ class Socket {
   static constexpr ssize_t kFailed = -1;
   static constexpr ssize_t kWait = -2;  // see awaited()
 
-  // Owns `fd`, which is non-blocking. `tls` can be null.
+  // Owns `fd` and makes it non-blocking. `tls` can be null.
   Socket(int fd, const TlsContext* tls);
 
   int fd() const { return file_.get(); }
