@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -9,6 +10,9 @@
 #include <system_error>
 
 namespace pliant {
+
+// Writes all bytes at an offset of an open file. Returns the system's error.
+[[nodiscard]] std::error_code WriteAt(int fd, std::uint64_t offset, std::string_view bytes);
 
 // Replaces the file at `path` by `parts`, one after the other: written to a temporary file beside
 // it, flushed to the disk, then renamed, so that a reader or a power loss sees the old file or the

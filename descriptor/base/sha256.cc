@@ -20,4 +20,8 @@ std::string Sha256Hex(std::span<const std::uint8_t> bytes) {
   return ToHex(std::span<const std::uint8_t>(digest).first(length));
 }
 
+std::string Sha256Hex(std::string_view text) {
+  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
 }  // namespace pliant

@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 
 namespace pliant {
 
 // 64 lower-case hex digits. Thread-safe.
 std::string Sha256Hex(std::span<const std::uint8_t> bytes);
+std::string Sha256Hex(std::string_view text);
 
 }  // namespace pliant

@@ -254,11 +254,4 @@ void HardNet::Worker::RunConv(const ConvPrimitive& conv, float* source, float* d
            memory(conv.destination_desc(), CpuEngine(), destination), scratch_.data());
 }
 
-double HardNet::MultiplyAdds() {
-  const double body = 32.0 * 32 * 9 * (32 + 32 * 32) + 16.0 * 16 * 9 * (32 * 64 + 64 * 64) +
-                      8.0 * 8 * 9 * (64 * 128 + 128 * 128);
-  const double head = 128.0 * 128 * (6 * 3 + 4 * 3 + 2 * 3 + 1 * 2);
-  return body + head;
-}
-
 }  // namespace pliant::deal

@@ -75,9 +75,6 @@ class HardNet {
     AlignedFloats scratch_, tiles_, products_, result_;
   };
 
-  // Multiply-adds per patch of the direct convolutions, the customary count.
-  static double MultiplyAdds();
-
  private:
   HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& one);
   std::size_t scratch_bytes() const;

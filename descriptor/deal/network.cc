@@ -99,6 +99,15 @@ constexpr std::size_t kSmallBatch = 16;
 constexpr std::size_t kBatch = HardNet::kBatch;
 constexpr std::size_t kShiftValues = 2 * kPatchPixels;  // x values, then y values
 
+// body(first, count) for each `step` keypoints.
+template <typename Body>
+void ForEach(std::size_t step, std::size_t total, int threads, const Body& body) {
+  ParallelFor((total + step - 1) / step, threads, [&](std::size_t i) {
+    const ScopedPrimitiveThreads one(1);
+    body(i * step, std::min(step, total - i * step));
+  });
+}
+
 ProductPrimitive WarpProduct(RadialSpacing spacing) {
   const ScopedPrimitiveThreads one(1);
   std::vector<float> basis = TpsBasis(spacing);
@@ -174,7 +183,11 @@ class SizedBackbone {
     BlockPrimitives& block = blocks_.emplace_back();
     block.conv1.emplace(layers.conv1, input.get_desc(), AnyLayout(layers.conv1.outputs, h_, w_),
                         SamePadding(layers.conv1, true, false));
-    block.hidden = MakeBuffer(block.conv1->destination_desc());
+    const memory::desc hidden = block.conv1->destination_desc();
+    // In the stem's buffer, which is free after the pooling; only for tiny images it is too small.
+    block.hidden = hidden.get_size() <= stem_result_.get_desc().get_size()
+                       ? memory(hidden, CpuEngine(), stem_result_.get_data_handle())
+                       : MakeBuffer(hidden);
     block.result = input;  // identity shortcut: in place
     if (layers.downsample) {
       block.downsample.emplace(*layers.downsample, input.get_desc(),
@@ -274,16 +287,6 @@ FeatureMap Backbone::Run(const GreyImage& image, int threads) const {
   return network->Run(image);
 }
 
-double Backbone::MultiplyAdds(int height, int width) {
-  const auto pixels = [&](int divisor) {
-    return static_cast<double>(Strided(height, divisor)) * Strided(width, divisor);
-  };
-  const double stem = pixels(2) * 64 * 49;
-  const double first = pixels(4) * 6 * 64 * 64 * 9;
-  const double second = pixels(8) * (64 * 128 * 9 + 64 * 128 + 7 * 128 * 128 * 9);
-  return stem + first + second;
-}
-
 LocalizationNet::LocalizationNet(const DealWeights& weights) {
   const ScopedPrimitiveThreads one(1);
   for (std::size_t i = 0; i < kLayers; ++i) {
@@ -309,29 +312,24 @@ std::unique_ptr<LocalizationNet::Worker> LocalizationNet::MakeWorker() const {
   return worker;
 }
 
-std::vector<float> LocalizationNet::Sample(const FeatureMap& map,
-                                           std::span<const Keypoint> keypoints, int threads) const {
+void LocalizationNet::Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
+                             float* samples) {
   // Keypoint to cell: the corner pixels' centres lie on the corner cells.
   const auto scale = [](int cells, int pixels) {
     return pixels > 1 ? static_cast<float>(cells - 1) / static_cast<float>(pixels - 1) : 0.0F;
   };
   const float x_scale = scale(map.width, map.image_width);
   const float y_scale = scale(map.height, map.image_height);
-  std::vector<float> samples(keypoints.size() * kSampledValues);
-  constexpr std::size_t kStep = 64;
-  ParallelFor((keypoints.size() + kStep - 1) / kStep, threads, [&](std::size_t step) {
-    const std::size_t end = std::min(keypoints.size(), (step + 1) * kStep);
-    for (std::size_t i = step * kStep; i < end; ++i) {
-      BestKernels().sample_features(map.values.data(), map.height, map.width,
-                                    keypoints[i].x * x_scale, keypoints[i].y * y_scale,
-                                    samples.data() + i * kSampledValues);
-    }
-  });
-  return samples;
+  for (const Keypoint& point : keypoints) {
+    BestKernels().sample_features(map.values.data(), map.height, map.width, point.x * x_scale,
+                                  point.y * y_scale, samples);
+    samples += kSampledValues;
+  }
 }
 
-std::vector<float> LocalizationNet::Theta(std::span<const float> samples, int threads) const {
-  const std::size_t count = samples.size() / kSampledValues;
+std::vector<float> LocalizationNet::Theta(const FeatureMap& map,
+                                          std::span<const Keypoint> keypoints, int threads) const {
+  const std::size_t count = keypoints.size();
   std::vector<float> theta(count * kThetaValues);
   // A remainder below half of the large batch goes through the small one.
   const std::size_t whole = (count + kLargeBatch / 2) / kLargeBatch;
@@ -343,8 +341,7 @@ std::vector<float> LocalizationNet::Theta(std::span<const float> samples, int th
         pool_.Take([](const Worker&) { return true; }, [&] { return MakeWorker(); });
     const std::size_t first = i < whole ? i * kLargeBatch : rest_from + (i - whole) * kSmallBatch;
     const std::size_t batch = std::min(i < whole ? kLargeBatch : kSmallBatch, count - first);
-    std::memcpy(worker->values[0].data(), samples.data() + first * kSampledValues,
-                batch * kSampledValues * sizeof(float));
+    Sample(map, keypoints.subspan(first, batch), worker->values[0].data());
     const std::vector<ProductPrimitive>& mlp = batch > kSmallBatch ? large_ : small_;
     for (std::size_t layer = 0; layer < kLayers; ++layer) {
       mlp[layer].Run(worker->stream, worker->values[layer].data(), worker->values[layer + 1].data(),
@@ -355,14 +352,6 @@ std::vector<float> LocalizationNet::Theta(std::span<const float> samples, int th
                 batch * kThetaValues * sizeof(float));
   });
   return theta;
-}
-
-double LocalizationNet::multiply_adds() const {
-  double sum = 0;
-  for (const ProductPrimitive& layer : large_) {
-    sum += static_cast<double>(layer.shape().inner) * layer.shape().columns;
-  }
-  return sum;
 }
 
 DealNetwork::Worker::Worker(const DealNetwork& network)
@@ -379,15 +368,9 @@ DealNetwork::DealNetwork(DealWeights weights)
       warp_(WarpProduct(weights_->radial_spacing)),
       grid_(UnitPolarGrid(weights_->radial_spacing)) {}
 
-template <typename Body>
-void DealNetwork::ForBatches(std::size_t total, int threads, const Body& body) const {
-  const std::size_t batches = (total + kBatch - 1) / kBatch;
-  ParallelFor(batches, threads, [&](std::size_t i) {
-    const ScopedPrimitiveThreads one(1);
-    const auto worker = pool_.Take([](const Worker&) { return true; },
-                                   [&] { return std::make_unique<Worker>(*this); });
-    body(*worker, i * kBatch, std::min(kBatch, total - i * kBatch));
-  });
+Pool<DealNetwork::Worker>::Lease DealNetwork::TakeWorker() const {
+  return pool_.Take([](const Worker&) { return true; },
+                    [&] { return std::make_unique<Worker>(*this); });
 }
 
 GreyImage DealNetwork::ToImage(const Image& grey) {
@@ -425,18 +408,20 @@ void DealNetwork::CheckKeypoints(std::span<const Keypoint> keypoints) {
 std::vector<float> DealNetwork::Displacements(std::span<const float> theta, int threads) const {
   const std::size_t count = theta.size() / kThetaValues;
   std::vector<float> shifts(count * kShiftValues);
-  ForBatches(count, threads, [&](Worker& worker, std::size_t first, std::size_t batch) {
+  ForEach(kBatch, count, threads, [&](std::size_t first, std::size_t batch) {
+    const auto worker = TakeWorker();
     for (std::size_t i = 0; i < batch; ++i) {
       const float* from = theta.data() + (first + i) * kThetaValues;
-      float* to = worker.parameters.data() + i * kThetaValues;
+      float* to = worker->parameters.data() + i * kThetaValues;
       for (std::size_t k = 0; k < kTpsParameters; ++k) {
         to[k] = from[2 * k];
         to[kTpsParameters + k] = from[2 * k + 1];
       }
     }
-    warp_.Run(worker.stream, worker.parameters.data(), worker.shifts.data(), worker.scratch.data());
-    worker.stream.wait();
-    std::memcpy(shifts.data() + first * kShiftValues, worker.shifts.data(),
+    warp_.Run(worker->stream, worker->parameters.data(), worker->shifts.data(),
+              worker->scratch.data());
+    worker->stream.wait();
+    std::memcpy(shifts.data() + first * kShiftValues, worker->shifts.data(),
                 batch * kShiftValues * sizeof(float));
   });
   return shifts;
@@ -447,9 +432,8 @@ std::vector<float> DealNetwork::Patches(const GreyImage& image, std::span<const 
                                         int threads) const {
   std::vector<float> patches(keypoints.size() * kPatchPixels);
   const float radius = support * static_cast<float>(weights_->radius_per_size);
-  ParallelFor((keypoints.size() + kBatch - 1) / kBatch, threads, [&](std::size_t batch) {
-    const std::size_t end = std::min(keypoints.size(), (batch + 1) * kBatch);
-    for (std::size_t i = batch * kBatch; i < end; ++i) {
+  ForEach(kBatch, keypoints.size(), threads, [&](std::size_t first, std::size_t batch) {
+    for (std::size_t i = first; i < first + batch; ++i) {
       const Keypoint& point = keypoints[i];
       BestKernels().sample_patch(image.values.data(), image.height, image.width, point.x, point.y,
                                  radius * point.size, grid_.data(),
@@ -463,9 +447,9 @@ std::vector<float> DealNetwork::Patches(const GreyImage& image, std::span<const 
 std::vector<float> DealNetwork::DescribePatches(std::span<const float> patches, int threads) const {
   const std::size_t count = patches.size() / kPatchPixels;
   std::vector<float> rows(count * kDescriptorDim);
-  ForBatches(count, threads, [&](Worker& worker, std::size_t first, std::size_t batch) {
-    worker.hardnet.Run(patches.data() + first * kPatchPixels, batch,
-                       rows.data() + first * kDescriptorDim);
+  ForEach(kBatch, count, threads, [&](std::size_t first, std::size_t batch) {
+    TakeWorker()->hardnet.Run(patches.data() + first * kPatchPixels, batch,
+                              rows.data() + first * kDescriptorDim);
   });
   return rows;
 }
@@ -476,18 +460,27 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
   const GreyImage image = ToImage(grey);
   CheckKeypoints(keypoints);
   if (keypoints.empty()) return {};
-  std::vector<float> shifts;
-  if (warp) {
-    const FeatureMap map = backbone_.Run(image, threads);
-    const std::vector<float> samples = localization_.Sample(map, keypoints, threads);
-    shifts = Displacements(localization_.Theta(samples, threads), threads);
-  }
+  std::vector<float> theta;
+  if (warp) theta = localization_.Theta(backbone_.Run(image, threads), keypoints, threads);
   std::vector<float> rows(keypoints.size() * kDescriptorDim);
-  for (const float support : supports) {
-    const std::vector<float> more =
-        DescribePatches(Patches(image, keypoints, shifts, support, threads), threads);
-    std::transform(rows.begin(), rows.end(), more.begin(), rows.begin(), std::plus<>());
-  }
+  // A few batches pass the remaining stages in one thread: their buffers stay small, and a stage's
+  // weights stay in the cache for some time. There are several such steps a thread.
+  const std::size_t share = keypoints.size() / (4 * static_cast<std::size_t>(threads));
+  const std::size_t step = kBatch * std::clamp<std::size_t>(share / kBatch, 1, 8);
+  ForEach(step, keypoints.size(), threads, [&](std::size_t first, std::size_t count) {
+    const std::span<const Keypoint> points = keypoints.subspan(first, count);
+    std::vector<float> shifts;
+    if (warp) {
+      const auto all = std::span<const float>(theta);
+      shifts = Displacements(all.subspan(first * kThetaValues, count * kThetaValues), 1);
+    }
+    float* const to = rows.data() + first * kDescriptorDim;
+    for (const float support : supports) {
+      const std::vector<float> more =
+          DescribePatches(Patches(image, points, shifts, support, 1), 1);
+      std::transform(more.begin(), more.end(), to, to, std::plus<>());
+    }
+  });
   if (supports.size() == 1) return rows;  // of unit length already
   for (std::size_t i = 0; i < keypoints.size(); ++i) NormalizeLength(&rows[i * kDescriptorDim]);
   return rows;

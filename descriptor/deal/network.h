@@ -73,9 +73,6 @@ class Backbone {
 
   FeatureMap Run(const GreyImage& image, int threads) const;
 
-  // Multiply-adds of one run, for benchmarks.
-  static double MultiplyAdds(int height, int width);
-
  private:
   std::shared_ptr<const DealWeights> weights_;
   mutable Pool<SizedBackbone> pool_;
@@ -91,16 +88,13 @@ class LocalizationNet {
  public:
   explicit LocalizationNet(const DealWeights& weights);
 
-  // keypoints.size() x kSampledValues, rows of the neighbourhood slowest, channels fastest.
-  // Image pixel x lies at cell x (w - 1) / (W - 1).
-  std::vector<float> Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
-                            int threads) const;
+  // The network's input, keypoints.size() x kSampledValues: rows of the neighbourhood slowest,
+  // channels fastest. Image pixel x lies at cell x (w - 1) / (W - 1).
+  static void Sample(const FeatureMap& map, std::span<const Keypoint> keypoints, float* samples);
 
-  // theta from sampled values, count x kSampledValues: count x kTpsParameters x 2 (x, y), in (-1,
-  // 1).
-  std::vector<float> Theta(std::span<const float> samples, int threads) const;
-
-  double multiply_adds() const;  // per keypoint
+  // theta, keypoints.size() x kTpsParameters x 2 (x, y), in (-1, 1).
+  std::vector<float> Theta(const FeatureMap& map, std::span<const Keypoint> keypoints,
+                           int threads) const;
 
  private:
   static constexpr std::size_t kLayers = 4;
@@ -151,7 +145,7 @@ class DealNetwork {
   // count x kPatchPixels to count x kDescriptorDim, unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x kDescriptorDim from the image: the stages above, one after another.
+  // keypoints.size() x kDescriptorDim from the image: all stages.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
                               std::span<const float> supports, int threads) const;
 
@@ -165,9 +159,7 @@ class DealNetwork {
     AlignedFloats parameters, shifts, scratch;
   };
 
-  // body(worker, first, count) for each batch.
-  template <typename Body>
-  void ForBatches(std::size_t total, int threads, const Body& body) const;
+  Pool<Worker>::Lease TakeWorker() const;
 
   std::shared_ptr<const DealWeights> weights_;
   Backbone backbone_;

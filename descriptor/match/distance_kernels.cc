@@ -178,6 +178,7 @@ PLIANT_INLINE void UpdateColumns(const float* values, std::size_t rows, std::uin
 
 // One set of functions: NAME, the attribute, and the tile (lanes, vectors, rows) that fills the
 // registers of the instruction set.
+// NOLINTBEGIN(bugprone-macro-parentheses): TARGET is an attribute, which has no parentheses
 #define PLIANT_KERNEL_SET(NAME, TARGET, FUSED, LANES, VECTORS, ROWS)                               \
   TARGET void DotTile##NAME(const float* a, std::size_t rows, std::size_t dim, const float* panel, \
                             float* out) {                                                          \
@@ -218,6 +219,7 @@ PLIANT_INLINE void UpdateColumns(const float* values, std::size_t rows, std::uin
                                  DotsToSquared##NAME,                                              \
                                  UpdateRows##NAME,                                                 \
                                  UpdateColumns##NAME};
+// NOLINTEND(bugprone-macro-parentheses)
 
 #define PLIANT_NO_TARGET
 PLIANT_KERNEL_SET(Portable, PLIANT_NO_TARGET, false, 4, 2, 4)

@@ -25,8 +25,8 @@ constexpr const char* kUsage =
     "usage: pliant-simulate-scenes --textures DIR|PACK|procedural --out DIR [--preset pairs] "
     "[--scenes N]\n"
     "         [--first N] [--views N] [--width PX] [--height PX] [--seed S] [--jobs N]\n"
-    "DIR of textures: PGM and PPM files. PACK: other images, made by\n"
-    "python3 -m descriptor.simulation.pack_textures DIR PACK.\n";
+    "--textures takes a folder of PGM and PPM files, or a pack. To pack images of other types:\n"
+    "python3 -m descriptor.simulation.pack_textures DIR PACK\n";
 
 constexpr int kProceduralTextures = 96;
 
@@ -35,7 +35,7 @@ class Arguments {
   Arguments(int count, char** values) {
     for (int i = 1; i < count; i += 2) {
       const std::string name = values[i];
-      if (name.rfind("--", 0) != 0 || i + 1 >= count) Fail("cannot read the argument " + name);
+      if (name.rfind("--", 0) != 0 || i + 1 >= count) Fail("expected --NAME VALUE, not " + name);
       values_[name.substr(2)] = values[i + 1];
     }
   }
@@ -56,7 +56,7 @@ class Arguments {
     Value value{};
     const auto parsed = std::from_chars(text.data(), text.data() + text.size(), value);
     if (parsed.ec != std::errc() || parsed.ptr != text.data() + text.size())
-      Fail("--" + name + " is not a number: " + text);
+      Fail("--" + name + " must be a number, not " + text);
     return value;
   }
   void RequireAllUsed() const {
@@ -80,9 +80,9 @@ int Run(Arguments arguments) {
   const auto seed = arguments.Number<std::uint64_t>("seed", 1);
   const int jobs = arguments.Number("jobs", 0);
   arguments.RequireAllUsed();
-  if (textures.empty() || out.empty()) Arguments::Fail("--textures and --out are needed");
+  if (textures.empty() || out.empty()) Arguments::Fail("--textures and --out are required");
   if (scenes < 1) Arguments::Fail("--scenes must be at least 1");
-  if (jobs < 0) Arguments::Fail("--jobs must not be negative (0 = one a core)");
+  if (jobs < 0) Arguments::Fail("--jobs must be at least 0 (0 = one per core)");
   sim::Validate(options);
   std::vector<sim::SkippedFile> skipped;
   const sim::TextureSource source =
@@ -92,7 +92,7 @@ int Run(Arguments arguments) {
     std::fprintf(stderr, "skipped %s: %s\n", file.c_str(), reason.c_str());
   std::error_code failed;
   fs::create_directories(out, failed);
-  if (failed) Arguments::Fail("cannot make the folder " + out.string() + ": " + failed.message());
+  if (failed) Arguments::Fail("cannot create the folder " + out.string() + ": " + failed.message());
   const pliant::Stopwatch watch;
   std::atomic<std::uint64_t> images{0};
   pliant::ParallelFor(scenes, jobs, [&](std::size_t i) {
@@ -103,7 +103,7 @@ int Run(Arguments arguments) {
     images += scene.views.size();
   });
   const double seconds = watch.seconds();
-  std::fprintf(stderr, "%llu images in %.1f s: %.2f a second\n",
+  std::fprintf(stderr, "%llu images in %.1f s, %.2f images/s\n",
                static_cast<unsigned long long>(images), seconds,
                static_cast<double>(images) / seconds);
   return skipped.empty() ? 0 : 3;

@@ -50,13 +50,13 @@ SceneOptions ToSceneOptions(const SimulateOptions& options) {
   scene.least_scale = static_cast<float>(options.least_scale);
   Validate(scene);
   Require(options.scenes >= 1, "the number of scenes must be at least 1");
-  Require(options.first >= 0, "the first scene's number must not be negative");
-  Require(options.distractors >= 0, "the number of distractors must not be negative");
+  Require(options.first >= 0, "the number of the first scene must be at least 0");
+  Require(options.distractors >= 0, "the number of distractors must be at least 0");
   Require(options.distractors == 0 || scene.preset == Preset::kObjects,
-          "distractors go with the preset objects only");
-  Require(options.jobs >= 0, "the number of jobs must not be negative (0 = one a core)");
-  Require(!options.textures.empty(), "a folder of textures is needed (or the word procedural)");
-  Require(!options.out.empty(), "an output folder is needed");
+          "distractors need the preset objects");
+  Require(options.jobs >= 0, "the number of jobs must be at least 0 (0 = one per core)");
+  Require(!options.textures.empty(), "textures is empty; name a folder, a pack, or procedural");
+  Require(!options.out.empty(), "out is empty; name a folder");
   return scene;
 }
 
@@ -132,7 +132,7 @@ class Run {
     if (!options_.progress(report_.scenes + report_.unchanged,
                            options_.scenes + options_.distractors)) {
       throw Error(ErrorCode::kCancelled, "simulation_stopped",
-                  "stopped on request; the scenes that were written are complete");
+                  "stopped on request; all scenes in the folder are complete");
     }
   }
 
@@ -157,7 +157,7 @@ SimulateReport Simulate(const SimulateOptions& options) {
   fs::create_directories(options.out, failed);
   if (failed) {
     throw Error(ErrorCode::kNoSpace, "file_unwritable",
-                "cannot make the output folder " + options.out + ": " + failed.message());
+                "cannot create the output folder " + options.out + ": " + failed.message());
   }
   const Stopwatch watch;
   Run run(options, scene, textures, report);

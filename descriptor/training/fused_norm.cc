@@ -6,6 +6,7 @@
 //
 // x, residual, grad_x: [N, H, W, C] contiguous. y, grad_y: [N, H + 2 wrap, W, C].
 //   y = act(scale x + shift + residual),  x^ = (x - mean) rstd,  act = ReLU or identity
+#include <algorithm>
 #include <cstring>
 #include <vector>
 
@@ -49,7 +50,7 @@ void MaskedRow(const float* grad_y, const float* x, const float* residual, const
   if (extra) {
     for (long i = 0; i < s.row(); ++i) out[i] = own[i] + extra[i];
   } else {
-    std::memcpy(out, own, s.row() * sizeof(float));
+    std::copy_n(own, s.row(), out);
   }
   if (!layer.relu) return;
   const float* __restrict scale = layer.scale;
@@ -91,7 +92,7 @@ extern "C" {
 
 // Per-channel sums of x and x^2 over rows x channels values. Float partial sums of short runs,
 // double in between.
-void pliant_norm_sums(const float* x, long rows, long channels, double* sum, double* square) {
+void NormSums(const float* x, long rows, long channels, double* sum, double* square) {
   Reduce(rows, channels, sum, square, [&](long begin, long end, double* out) {
     for (long block = begin; block < end; block += 64) {
       float s[kMaxChannels] = {}, q[kMaxChannels] = {};
@@ -110,9 +111,9 @@ void pliant_norm_sums(const float* x, long rows, long channels, double* sum, dou
   });
 }
 
-void pliant_norm_forward(const float* x, const float* residual, const float* scale,
-                         const float* shift, int relu, int wrap, long images, long height,
-                         long width, long channels, float* y) {
+void NormForward(const float* x, const float* residual, const float* scale, const float* shift,
+                 int relu, int wrap, long images, long height, long width, long channels,
+                 float* y) {
   const Shape s{images, height, width, channels};
 #pragma omp parallel for schedule(static)
   for (long n = 0; n < images; ++n) {
@@ -138,10 +139,10 @@ void pliant_norm_forward(const float* x, const float* residual, const float* sca
 }
 
 // Per-channel sums of the masked gradient g and of g x^: the gradients of shift and scale/rstd.
-void pliant_norm_backward_sums(const float* grad_y, const float* x, const float* residual,
-                               const float* scale, const float* shift, const float* mean,
-                               const float* rstd, int relu, int wrap, long images, long height,
-                               long width, long channels, double* sum, double* product) {
+void NormBackwardSums(const float* grad_y, const float* x, const float* residual,
+                      const float* scale, const float* shift, const float* mean, const float* rstd,
+                      int relu, int wrap, long images, long height, long width, long channels,
+                      double* sum, double* product) {
   const Shape s{images, height, width, channels};
   const Layer layer{scale, shift, mean, rstd, relu, wrap};
   Reduce(images * height, channels, sum, product, [&](long begin, long end, double* out) {
@@ -165,11 +166,10 @@ void pliant_norm_backward_sums(const float* grad_y, const float* x, const float*
 }
 
 // grad_x = scale (g - mean(g) - x^ mean(g x^)); grad_residual (or null) = g.
-void pliant_norm_backward(const float* grad_y, const float* x, const float* residual,
-                          const float* scale, const float* shift, const float* mean,
-                          const float* rstd, int relu, int wrap, long images, long height,
-                          long width, long channels, const float* mean_g, const float* mean_gx,
-                          float* grad_x, float* grad_residual) {
+void NormBackward(const float* grad_y, const float* x, const float* residual, const float* scale,
+                  const float* shift, const float* mean, const float* rstd, int relu, int wrap,
+                  long images, long height, long width, long channels, const float* mean_g,
+                  const float* mean_gx, float* grad_x, float* grad_residual) {
   const Shape s{images, height, width, channels};
   const Layer layer{scale, shift, mean, rstd, relu, wrap};
 #pragma omp parallel

@@ -77,8 +77,8 @@ class _FusedNorm(torch.autograd.Function):
         n, channels, height, width = x.shape
         count = n * height * width
         sums = torch.empty(2, channels, dtype=torch.float64)
-        library.pliant_norm_sums(_pointer(x), *_longs(count, channels), _pointer(sums[0]),
-                                 _pointer(sums[1]))
+        library.NormSums(_pointer(x), *_longs(count, channels), _pointer(sums[0]),
+                         _pointer(sums[1]))
         mean = sums[0] / count
         variance = (sums[1] / count - mean * mean).clamp_min_(0)
         rstd = torch.rsqrt(variance + eps)
@@ -86,9 +86,9 @@ class _FusedNorm(torch.autograd.Function):
         shift = -mean * scale if beta is None else beta.double() - mean * scale
         statistics = [value.float() for value in (scale, shift, mean, rstd)]
         y = torch.empty(n, channels, height + 2 * wrap, width, memory_format=torch.channels_last)
-        library.pliant_norm_forward(_pointer(x), _pointer(residual), _pointer(statistics[0]),
-                                    _pointer(statistics[1]), int(relu), int(wrap),
-                                    *_longs(n, height, width, channels), _pointer(y))
+        library.NormForward(_pointer(x), _pointer(residual), _pointer(statistics[0]),
+                            _pointer(statistics[1]), int(relu), int(wrap),
+                            *_longs(n, height, width, channels), _pointer(y))
         ctx.save_for_backward(x, residual, *statistics)
         ctx.flags, ctx.affine = (int(relu), int(wrap)), gamma is not None
         return y, mean.float(), variance.float()
@@ -102,12 +102,12 @@ class _FusedNorm(torch.autograd.Function):
         common = (_pointer(grad_y), _pointer(x), _pointer(residual), *map(_pointer, statistics),
                   *ctx.flags, *_longs(n, height, width, channels))
         sums = torch.empty(2, channels, dtype=torch.float64)
-        library.pliant_norm_backward_sums(*common, _pointer(sums[0]), _pointer(sums[1]))
+        library.NormBackwardSums(*common, _pointer(sums[0]), _pointer(sums[1]))
         means = (sums / (n * height * width)).float()
         grad_x = torch.empty_like(x)
         grad_residual = None if residual is None else torch.empty_like(residual)
-        library.pliant_norm_backward(*common, _pointer(means[0]), _pointer(means[1]),
-                                     _pointer(grad_x), _pointer(grad_residual))
+        library.NormBackward(*common, _pointer(means[0]), _pointer(means[1]),
+                             _pointer(grad_x), _pointer(grad_residual))
         grad_gamma = sums[1].float() if ctx.affine else None
         grad_beta = sums[0].float() if ctx.affine else None
         return grad_x, grad_residual, grad_gamma, grad_beta, None, None, None

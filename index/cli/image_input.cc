@@ -126,8 +126,8 @@ void DescribeFolder(FolderFeatures& folder, const EngineOptions& engine, int thr
   });
   if (interrupt.requested()) return;
   for (std::size_t i = 0; i < images.size(); ++i) {
-    if (failures[i]) {
-      folder.skipped.push_back(*failures[i]);
+    if (const auto& failure = failures[i]) {
+      folder.skipped.push_back(*failure);
     } else {
       folder.images.push_back(std::move(images[i]));
     }

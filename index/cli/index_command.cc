@@ -32,8 +32,11 @@ struct Outcome {
 };
 
 const char* NamedBy(const ImageFiles& files) {
-  if (files.by_folder) return files.by_stem ? "folder, or by file name outside folders" : "folder";
-  return files.by_stem ? "file name" : "nothing";
+  if (files.by_folder) {
+    return files.by_stem ? "objects named by folder, or by file name outside folders"
+                         : "objects named by folder";
+  }
+  return files.by_stem ? "objects named by file name" : "no object names";
 }
 
 // The first vocabulary is trained automatically, so that one command makes an index that answers;
@@ -72,8 +75,8 @@ void PrintText(const Outcome& outcome, const ImageFiles& files) {
         "a stored image keeps its object: remove the image first (pliant db rm --object NAME), or "
         "rename the object on the web page");
   }
-  Print("indexed {}, unchanged {}, skipped {} images in {:.1f} s (objects named by {})",
-        job.indexed, job.unchanged, job.skipped.size(), outcome.seconds, NamedBy(files));
+  Print("indexed {}, unchanged {}, skipped {} images in {:.1f} s ({})", job.indexed, job.unchanged,
+        job.skipped.size(), outcome.seconds, NamedBy(files));
   if (outcome.vocabulary) {
     Print("{} vocabulary {} of {} words", outcome.trained ? "trained" : "using",
           outcome.vocabulary->id, outcome.vocabulary->words);

@@ -82,7 +82,7 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   choose("--preset", simulate.preset, "pairs, objects, sequence, rotation, scale, planar or street",
          {"pairs", "objects", "sequence", "rotation", "scale", "planar", "street"});
   choose("--format", simulate.format,
-         "tensors (for training) or folders; auto: tensors for pairs, else folders",
+         "tensors (for training) or folders; auto: tensors for pairs and street, else folders",
          {"auto", "tensors", "folders"});
   app->add_option("--scenes", simulate.scenes, "number of scenes or objects");
   app->add_option("--first", simulate.first, "number of the first scene");

@@ -70,14 +70,12 @@ void CheckNotInput(const std::filesystem::path& path,
 NewFile::NewFile(std::filesystem::path path)
     : path_(std::move(path)),
       temporary_(TemporaryNameOf(path_)),
-      fd_(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
-  if (fd_ < 0) Fail(std::generic_category().message(errno));
+      file_(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+  if (!file_.is_open()) Fail(std::generic_category().message(errno));
 }
 
 NewFile::~NewFile() {
-  if (fd_ < 0) return;
-  ::close(fd_);
-  ::unlink(temporary_.c_str());
+  if (file_.is_open()) ::unlink(temporary_.c_str());
 }
 
 void NewFile::Fail(const std::string& why) const {
@@ -85,18 +83,12 @@ void NewFile::Fail(const std::string& why) const {
 }
 
 void NewFile::Write(std::uint64_t offset, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) Fail(std::generic_category().message(errno));
-    bytes.remove_prefix(static_cast<std::size_t>(n));
-    offset += static_cast<std::uint64_t>(n);
-  }
+  if (const std::error_code error = WriteAt(file_.get(), offset, bytes)) Fail(error.message());
 }
 
 void NewFile::Publish() {
   if (const std::error_code error = PublishFile(temporary_, path_)) Fail(error.message());
-  ::close(std::exchange(fd_, -1));
+  file_.Close();
 }
 
 void CheckImageName(const std::filesystem::path& file) {

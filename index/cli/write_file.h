@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "descriptor/image/image.h"
+#include "index/files/durable_file.h"
 
 namespace pliant::cli {
 
@@ -47,7 +48,7 @@ class NewFile {
 
   const std::filesystem::path path_;
   const std::string temporary_;
-  int fd_;
+  FileHandle file_;
 };
 
 // PNG or JPEG, by file name; "-", standard output, is PNG. Throws kInvalidArgument

@@ -57,8 +57,8 @@ class Copy {
         OpenStore({.database = options.to, .model_of_new = [this] { return from_->model().info; }});
     if (from_->model().info.model_id != to_->model().info.model_id) {
       throw Error(ErrorCode::kConflict, "model_mismatch",
-                  DisplayPath(options.from) + " was made with " + from_->model().info.model_id +
-                      ", and " + DisplayPath(options.to) + " with " + to_->model().info.model_id);
+                  options.from.string() + " was made with " + from_->model().info.model_id +
+                      ", and " + options.to.string() + " with " + to_->model().info.model_id);
     }
     to_->SettleExtraction(from_->model().limits);
     to_->OpenOriginals(std::nullopt, true);

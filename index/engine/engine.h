@@ -94,8 +94,6 @@ class EngineImages {
   bool RemoveCollection(const std::string& name);
   // kNotFound as GetCollection; kInvalidArgument "display_name_invalid".
   CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
-  // Whether it has an active vocabulary; kNotFound as GetCollection.
-  bool HasVocabulary(const std::string& collection);
   CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
 
   // Aliases: other names of collections, valid wherever a collection is named. Only

@@ -108,10 +108,6 @@ CollectionRecord EngineImages::ChangeCollection(const std::string& name,
   return core_.writer().ChangeCollection(name, change);
 }
 
-bool EngineImages::HasVocabulary(const std::string& collection) {
-  return core_.catalogue().RequireCollection(collection).vocabulary != 0;
-}
-
 CollectionRecord EngineImages::GetCollection(const std::string& name) {
   return core_.catalogue().DescribeCollection(name);
 }

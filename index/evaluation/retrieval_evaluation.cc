@@ -76,9 +76,7 @@ class DatabaseFolder {
                              '/' + std::to_string(extraction.keypoints.max_keypoints) + '/' +
                              std::to_string(extraction.keypoints.keep_repeated_orientations) +
                              (enlarge ? "/enlarged, faint" : "") + "/colours";
-    const std::string key =
-        Sha256Hex({reinterpret_cast<const std::uint8_t*>(what.data()), what.size()});
-    return path_ / (info.name + '-' + key.substr(0, kKeyDigits) + ".db");
+    return path_ / (info.name + '-' + Sha256Hex(what).substr(0, kKeyDigits) + ".db");
   }
 
  private:

@@ -3,7 +3,6 @@
 #include "index/files/durable_file.h"
 
 #include <array>
-#include <cerrno>
 #include <system_error>
 
 #include <fcntl.h>
@@ -33,8 +32,7 @@ FileHandle MakeLockedFile(const std::function<fs::path()>& next_name, int mode, 
     if (::flock(file.get(), LOCK_EX) != 0 || ::fstat(file.get(), &info) != 0) {
       const int code = errno;
       ::unlink(path->c_str());
-      errno = code;
-      ThrowErrno("cannot lock", *path);
+      ThrowErrno("cannot lock", *path, code);
     }
     if (info.st_nlink > 0) return file;
   }
@@ -46,8 +44,6 @@ bool IsSameFile(int fd, const fs::path& path) {
   return ::fstat(fd, &held) == 0 && ::stat(path.c_str(), &named) == 0 &&
          held.st_dev == named.st_dev && held.st_ino == named.st_ino;
 }
-
-std::string DisplayPath(const fs::path& path) { return path.string(); }
 
 bool IsOutOfFiles(int code) { return code == EMFILE || code == ENFILE; }
 
@@ -68,10 +64,9 @@ void ThrowOutOfFiles(const std::string& doing) {
                   "fewer connections and threads");
 }
 
-void ThrowErrno(const std::string& doing, const fs::path& path) {
-  const int code = errno;
+void ThrowErrno(const std::string& doing, const fs::path& path, int code) {
   const std::string message =
-      doing + " " + DisplayPath(path) + ": " + std::generic_category().message(code);
+      doing + " " + path.string() + ": " + std::generic_category().message(code);
   switch (code) {
     case ENOSPC:
     case EDQUOT:
@@ -84,7 +79,7 @@ void ThrowErrno(const std::string& doing, const fs::path& path) {
       throw Error(ErrorCode::kReadOnly, "read_only_file_system", message);
     case EMFILE:
     case ENFILE:
-      ThrowOutOfFiles(doing + " " + DisplayPath(path));
+      ThrowOutOfFiles(doing + " " + path.string());
     default:
       throw Error(ErrorCode::kInternal, "io_error", message);
   }
@@ -105,7 +100,7 @@ void CheckParentDirectory(const fs::path& path) {
   std::error_code ignored;
   if (!fs::is_directory(parent, ignored)) {
     throw Error(ErrorCode::kNotFound, "no_such_directory",
-                "the directory " + DisplayPath(parent) + " does not exist; create it first");
+                "the directory " + parent.string() + " does not exist; create it first");
   }
 }
 

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Files that survive power loss, and the system's errors as Error. Private to index/.
+// Files that survive power loss, and the system's errors as Error.
 #pragma once
 
+#include <cerrno>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -39,9 +40,6 @@ FileHandle MakeLockedFile(const std::function<std::filesystem::path()>& next_nam
 // Whether both are the same file.
 bool IsSameFile(int fd, const std::filesystem::path& path);
 
-// A path as text for messages.
-std::string DisplayPath(const std::filesystem::path& path);
-
 // Whether a system call failed because this process, or the whole system, has too many open files.
 bool IsOutOfFiles(int code);
 // Whether the limit of open files is reached, or nearly. For libraries that do not report why they
@@ -50,10 +48,11 @@ bool FilesAreUsedUp();
 // Throws kUnavailable "too_many_open_files". `doing` begins the sentence: "cannot open x".
 [[noreturn]] void ThrowOutOfFiles(const std::string& doing);
 
-// Throws the Error for `errno`: kNoSpace "write_failed" if there is no space (disk, quota or file
+// Throws the Error for `code`: kNoSpace "write_failed" if there is no space (disk, quota or file
 // size limit), kReadOnly "permission_denied" or "read_only_file_system", kUnavailable
 // "too_many_open_files", else kInternal "io_error". `doing` begins the sentence: "cannot make".
-[[noreturn]] void ThrowErrno(const std::string& doing, const std::filesystem::path& path);
+[[noreturn]] void ThrowErrno(const std::string& doing, const std::filesystem::path& path,
+                             int code = errno);
 
 // fsync of a file or, with O_DIRECTORY among `flags`, of a directory's entries.
 void SyncPath(const std::filesystem::path& path, int flags);

@@ -92,7 +92,7 @@ void MemoryRanker::LoadAll(Lock& lock) {
 void MemoryRanker::CatchUp() {
   const std::int64_t version = feed_->Version();
   if (version == version_) return;
-  const std::unique_ptr<FeedView> view = feed_->Look();
+  const std::unique_ptr<FeedView> view = feed_->Poll();
   CatchUpWith(*view);
   version_ = version;
   followed_ = version;
@@ -190,7 +190,7 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
   std::optional<Loaded> loaded;
   std::exception_ptr failure;
   try {
-    const std::unique_ptr<FeedView> view = feed_->Look();
+    const std::unique_ptr<FeedView> view = feed_->Poll();
     for (const CollectionState& state : view->Collections()) {
       if (state.key == collection) loaded = LoadAside(*view, collection, state.vocabulary);
     }
@@ -227,7 +227,7 @@ std::shared_ptr<const void> MemoryRanker::Prepare(Key collection, Key vocabulary
     const std::lock_guard lock(mutex_);
     if (!in_use_) return nullptr;  // the first search loads it
   }
-  const std::unique_ptr<FeedView> view = feed_->Look();
+  const std::unique_ptr<FeedView> view = feed_->Poll();
   auto prepared = std::make_shared<const Loaded>(LoadAside(*view, collection, vocabulary));
   const std::lock_guard lock(mutex_);
   prepared_.push_back(prepared);
@@ -265,7 +265,7 @@ std::vector<std::string> MemoryRanker::Check() {
     do {
       CatchUp();
       LoadAll(lock);
-      view = feed_->Look();  // one state for memory and database
+      view = feed_->Poll();  // one state for memory and database
       CatchUpWith(*view);
     } while (std::any_of(entries_.begin(), entries_.end(), is_stale));
     for (const auto& [name, entry] : entries_) {

@@ -314,9 +314,7 @@ std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
     throw Error(ErrorCode::kInternal, "bow_codes",
                 "a bag of words has more or fewer codes than descriptors");
   }
-  std::vector<std::uint8_t> out;
-  out.reserve(8 + 3 * bow.words.size() + bow.codes.size());
-  out.push_back(kBowVersion);
+  std::vector<std::uint8_t> out = {kBowVersion};
   PutVarint(out, static_cast<std::uint32_t>(bow.words.size()));
   std::uint32_t next = 0;  // smallest word that may follow
   for (const WordCount& entry : bow.words) {

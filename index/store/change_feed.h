@@ -60,7 +60,7 @@ class ChangeFeed {
 
   // Changes with every commit of any process. Cheap: every search calls it.
   virtual std::int64_t Version() = 0;
-  virtual std::unique_ptr<FeedView> Look() = 0;
+  virtual std::unique_ptr<FeedView> Poll() = 0;
 };
 
 }  // namespace pliant

@@ -23,22 +23,26 @@ struct ApiKeyRecord {
   std::int64_t revoked_ms = 0;  // 0 = valid
 };
 
-struct JobRecord {
-  std::string id;
-  std::string kind;
-  std::string collection;
-  std::string parameters = "{}";  // JSON: the data to start the job again
-  std::string state;              // "queued", "running", "done", "failed" or "cancelled"
-  double done = 0;                // of `total`
+struct JobFields {
+  std::string id = {};
+  std::string kind = {};  // "train", "activate", "import", "backup"
+  std::string collection = {};
+  double done = 0;  // of `total`
   double total = 1;
-  std::uint64_t failed = 0;
-  int attempts = 0;  // number of starts
-  std::string result;
-  std::string report = "{}";  // JSON
+  std::uint64_t failed = 0;  // items that could not be done
+  int attempts = 0;          // number of starts
+  std::string result = {};   // address of what was made; empty until it is done
   std::int64_t created_ms = 0;
   std::int64_t finished_ms = 0;  // 0 = not yet
-  std::string owner;             // ServiceStore::Owner() of the server that runs it
-  bool cancel = false;           // its cancellation was requested; SaveJob does not write this
+};
+
+// A job's row. The server's JobStatus has the meaning of the texts.
+struct JobRecord : JobFields {
+  std::string parameters = "{}";  // JSON: the data to start the job again
+  std::string state = {};         // "queued", "running", "done", "failed" or "cancelled"
+  std::string report = "{}";      // JSON
+  std::string owner = {};         // ServiceStore::Owner() of the server that runs it
+  bool cancel = false;            // its cancellation was requested; SaveJob does not write this
 };
 
 // A request that its client can send again when the outcome is unknown.

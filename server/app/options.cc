@@ -369,12 +369,12 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   http.max_connections = options.max_connections;
   http.connections_per_address = options.connections_per_address;
   http.max_inflight_bytes = static_cast<std::size_t>(options.max_inflight_mb) * kMiB;
-  http.limits.idle_timeout = std::chrono::seconds(options.idle_timeout_s);
-  http.limits.header_timeout = std::chrono::seconds(options.header_timeout_s);
-  http.limits.body_timeout = std::chrono::seconds(options.body_timeout_s);
-  http.limits.write_timeout = std::chrono::seconds(options.write_timeout_s);
-  http.limits.max_header_bytes = static_cast<std::size_t>(options.max_header_kb) * kKiB;
-  http.limits.max_body_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB;
+  http.idle_timeout = std::chrono::seconds(options.idle_timeout_s);
+  http.header_timeout = std::chrono::seconds(options.header_timeout_s);
+  http.body_timeout = std::chrono::seconds(options.body_timeout_s);
+  http.write_timeout = std::chrono::seconds(options.write_timeout_s);
+  http.max_header_bytes = static_cast<std::size_t>(options.max_header_kb) * kKiB;
+  http.max_body_bytes = static_cast<std::size_t>(options.max_body_mb) * kMiB;
   return http;
 }
 

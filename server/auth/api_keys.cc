@@ -27,10 +27,6 @@ constexpr std::string_view kPrefix = "plk_";
 constexpr std::size_t kIdDigits = 8;
 constexpr std::size_t kSecretBytes = 32;
 
-std::string HashOf(const std::string& key) {
-  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(key.data()), key.size()});
-}
-
 // The key in the headers; empty = none.
 std::string ShownKey(const Request& request) {
   std::string shown = request.header("X-API-Key");
@@ -65,7 +61,7 @@ NewKey MakeApiKey(const std::string& name, Scope scope) {
   made.record.scope = ScopeName(scope);
   made.record.created_ms = NowMs();
   made.key = std::string(kPrefix) + made.record.id + "_" + Base64UrlEncode(secret);
-  made.record.hash = HashOf(made.key);
+  made.record.hash = Sha256Hex(made.key);
   return made;
 }
 
@@ -121,7 +117,7 @@ bool KeyRing::InUse() {
 std::optional<Caller> KeyRing::Identify(const Request& request) {
   const std::string shown = ShownKey(request);
   if (shown.empty()) return std::nullopt;
-  const std::string hash = HashOf(shown);
+  const std::string hash = Sha256Hex(shown);
   const std::lock_guard lock(mutex_);
   if (!store_) throw ProblemError("starting", "The server is starting. Try again shortly.");
   Refresh();

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -22,61 +21,46 @@ namespace {
 
 constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between two checks of the disk
 
-int Open(const std::filesystem::path& directory) {
-  const int nameless = ::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-  if (nameless >= 0) return nameless;
-  if (errno != EOPNOTSUPP && errno != EISDIR && errno != ENOENT) ThrowFileError(directory, errno);
+FileHandle Open(const std::filesystem::path& directory) {
+  FileHandle nameless(::open(directory.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600));
+  if (nameless.is_open()) return nameless;
+  if (errno != EOPNOTSUPP && errno != EISDIR && errno != ENOENT) {
+    ThrowErrno("cannot make a file in", directory);
+  }
   std::string name = (directory / ".pliant-answer-XXXXXX").string();  // network file systems
-  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
-  if (fd < 0) ThrowFileError(directory, errno);
+  FileHandle file(::mkostemp(name.data(), O_CLOEXEC));
+  if (!file.is_open()) ThrowErrno("cannot make", name);
   ::unlink(name.c_str());
-  return fd;
+  return file;
 }
 
 }  // namespace
-
-void ThrowFileError(const std::filesystem::path& path, int number) {
-  const std::string what = path.string() + ": " + std::strerror(number);
-  switch (number) {
-    case ENOSPC:
-    case EDQUOT:
-    case EFBIG:
-      throw Error(ErrorCode::kNoSpace, "no_space", what);
-    case EACCES:
-    case EPERM:
-    case EROFS:
-      throw Error(ErrorCode::kReadOnly, "read_only", what);
-    case EMFILE:
-    case ENFILE:
-      throw Error(ErrorCode::kUnavailable, "too_many_open_files", what);
-    default:
-      throw Error(ErrorCode::kInternal, "io_error", what);
-  }
-}
 
 void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
                       std::uint64_t reserve) {
   std::error_code error;
   const std::uint64_t available = std::filesystem::space(directory, error).available;
-  if (error) ThrowFileError(directory, error.value());
-  if (available >= reserve && available - reserve >= bytes) return;  // a sum could overflow
-  ThrowFileError(directory, ENOSPC);
+  if (!error && available >= reserve && available - reserve >= bytes) return;  // no overflow
+  errno = error ? error.value() : ENOSPC;
+  ThrowErrno("cannot write to", directory);
 }
 
-BodyFile::BodyFile(std::filesystem::path directory, std::uint64_t reserve_bytes)
-    : directory_(std::move(directory)), reserve_bytes_(reserve_bytes), fd_(Open(directory_)) {}
+BodyFile::BodyFile(const std::filesystem::path& directory, std::uint64_t reserve_bytes)
+    : BodyFile(Open(directory), directory, reserve_bytes) {}
+
+BodyFile::BodyFile(FileHandle file, std::filesystem::path directory, std::uint64_t reserve_bytes)
+    : directory_(std::move(directory)), reserve_bytes_(reserve_bytes), file_(std::move(file)) {}
 
 BodyFile::BodyFile(const std::filesystem::path& file)
     : directory_(file.parent_path()),
-      fd_(::open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)) {
+      file_(::open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)) {
   const Error absent(ErrorCode::kNotFound, "file_not_found", "there is no file " + file.string());
-  if (fd_ < 0 && (errno == ENOENT || errno == ELOOP || errno == ENXIO)) throw absent;
-  if (fd_ < 0) ThrowFileError(file, errno);
-  struct stat info{};
-  if (::fstat(fd_, &info) != 0 || !S_ISREG(info.st_mode)) {
-    ::close(fd_);
-    throw absent;
+  if (!file_.is_open()) {
+    if (errno == ENOENT || errno == ELOOP || errno == ENXIO) throw absent;
+    ThrowErrno("cannot open", file);
   }
+  struct stat info{};
+  if (::fstat(file_.get(), &info) != 0 || !S_ISREG(info.st_mode)) throw absent;
   size_ = static_cast<std::uint64_t>(info.st_size);
   version_ = fmt::format("{:x}-{:x}-{:x}.{:x}", info.st_ino, info.st_size, info.st_mtim.tv_sec,
                          info.st_mtim.tv_nsec);
@@ -85,19 +69,16 @@ BodyFile::BodyFile(const std::filesystem::path& file)
 BodyFile::BodyFile(std::shared_ptr<const BodyFile> whole, std::uint64_t first, std::uint64_t bytes)
     : whole_(std::move(whole)), first_(first), size_(bytes) {}
 
-BodyFile::~BodyFile() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 void BodyFile::Write(std::uint64_t offset, std::string_view bytes) {
   if (written_ == 0 || written_ - checked_ >= kCheckEvery) {
     Reserve(kCheckEvery + bytes.size());
     checked_ = written_;
   }
   while (!bytes.empty()) {
-    const ssize_t written = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    const ssize_t written =
+        ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (written < 0 && errno == EINTR) continue;
-    if (written < 0) ThrowFileError(directory_, errno);
+    if (written < 0) ThrowErrno("cannot write to", directory_);
     bytes.remove_prefix(static_cast<std::size_t>(written));
     offset += static_cast<std::uint64_t>(written);
     written_ += static_cast<std::uint64_t>(written);
@@ -110,7 +91,7 @@ std::ptrdiff_t BodyFile::Read(std::uint64_t offset, char* data, std::size_t byte
   bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, size_ - offset));
   if (whole_) return whole_->Read(first_ + offset, data, bytes);
   while (true) {
-    const ssize_t got = ::pread(fd_, data, bytes, static_cast<off_t>(offset));
+    const ssize_t got = ::pread(file_.get(), data, bytes, static_cast<off_t>(offset));
     if (got >= 0 || errno != EINTR) return got;
   }
 }

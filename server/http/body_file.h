@@ -11,14 +11,12 @@
 #include <string>
 #include <string_view>
 
+#include "index/files/durable_file.h"
+
 namespace pliant::server {
 
-// By errno: kNoSpace "no_space", kReadOnly "read_only", kUnavailable "too_many_open_files",
-// kInternal "io_error".
-[[noreturn]] void ThrowFileError(const std::filesystem::path& path, int number);
-
-// Throws kNoSpace "no_space" unless `bytes` fit on the disk of the directory and leave `reserve`
-// bytes free.
+// Throws Error kNoSpace "no_space" unless `bytes` fit on the disk of the directory and leave
+// `reserve` bytes free.
 void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
                       std::uint64_t reserve);
 
@@ -26,17 +24,16 @@ void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t byte
 // with the object, also when the process is killed.
 class BodyFile {
  public:
-  // A new file without a name, on a disk of which `reserve_bytes` stay free. Throws Error as
-  // ThrowFileError does.
-  BodyFile(std::filesystem::path directory, std::uint64_t reserve_bytes);
+  // A new file without a name, on a disk of which `reserve_bytes` stay free. Throws what ThrowErrno
+  // throws.
+  BodyFile(const std::filesystem::path& directory, std::uint64_t reserve_bytes);
+  // The file is empty, and open for writing.
+  BodyFile(FileHandle file, std::filesystem::path directory, std::uint64_t reserve_bytes);
   // A regular file, no link; it stays readable when its name is removed. Throws Error kNotFound
   // "file_not_found", and as above.
   explicit BodyFile(const std::filesystem::path& file);
   // `bytes` of another body from `first` on; both must be inside it.
   BodyFile(std::shared_ptr<const BodyFile> whole, std::uint64_t first, std::uint64_t bytes);
-  ~BodyFile();
-  BodyFile(const BodyFile&) = delete;
-  BodyFile& operator=(const BodyFile&) = delete;
 
   // These throw as the constructor does. Reserve only checks that the bytes fit on the disk.
   void Append(std::string_view bytes) { Write(size_, bytes); }
@@ -53,7 +50,7 @@ class BodyFile {
   std::uint64_t reserve_bytes_ = 0;
   std::shared_ptr<const BodyFile> whole_;  // null unless this is a part of it
   std::uint64_t first_ = 0;                // byte of whole_
-  int fd_ = -1;
+  FileHandle file_;
   std::string version_;
   std::uint64_t size_ = 0;
   std::uint64_t written_ = 0;

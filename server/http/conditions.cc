@@ -3,16 +3,17 @@
 #include "server/http/conditions.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "server/http/body_file.h"
 #include "server/http/problem.h"
+#include "server/http/request_reader.h"
 
 namespace pliant::server {
 
@@ -49,21 +50,10 @@ bool Names(const std::string& tag, const std::string& etag) {
   return tag == "*" || tag == etag;
 }
 
-std::optional<std::uint64_t> Digits(std::string_view text) {
-  std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (end != text.data() + text.size()) return std::nullopt;
-  if (error == std::errc::result_out_of_range) return UINT64_MAX;  // beyond any end
-  return error == std::errc() ? std::optional(value) : std::nullopt;
-}
-
-struct ByteRange {
-  std::uint64_t first = 0;
-  std::uint64_t last = 0;  // inclusive
-};
-
-// Section 14.1.2: "bytes=0-99", "bytes=100-", "bytes=-100". Nothing for what is to be ignored.
-std::optional<ByteRange> RangeOf(std::string_view header, std::uint64_t bytes) {
+// The first byte and the number of bytes. Section 14.1.2: "bytes=0-99", "bytes=100-", "bytes=-100".
+// Nothing for what is to be ignored.
+std::optional<std::pair<std::uint64_t, std::uint64_t>> RangeOf(std::string_view header,
+                                                               std::uint64_t bytes) {
   constexpr std::string_view kUnit = "bytes=";
   const std::size_t dash = header.find('-');
   if (!header.starts_with(kUnit) || dash == header.npos) return std::nullopt;
@@ -78,7 +68,8 @@ std::optional<ByteRange> RangeOf(std::string_view header, std::uint64_t bytes) {
                        fmt::format("The range is outside the file of {} bytes.", bytes),
                        {.content_range = fmt::format("bytes */{}", bytes)});
   }
-  return ByteRange{begin, from_end || open ? bytes - 1 : std::min(*last, bytes - 1)};
+  const std::uint64_t end = from_end || open ? bytes : std::min(*last, bytes - 1) + 1;
+  return std::pair(begin, end - begin);
 }
 
 void TakePart(const Request& request, const std::string& etag, Response& response) {
@@ -91,14 +82,14 @@ void TakePart(const Request& request, const std::string& etag, Response& respons
   const std::uint64_t bytes = response.file ? response.file->size() : response.body.size();
   const auto range = RangeOf(request.header("Range"), bytes);
   if (!range) return;
+  const auto [first, length] = *range;
   response.status = 206;
   response.headers.emplace_back("Content-Range",
-                                fmt::format("bytes {}-{}/{}", range->first, range->last, bytes));
-  const std::uint64_t length = range->last - range->first + 1;
+                                fmt::format("bytes {}-{}/{}", first, first + length - 1, bytes));
   if (response.file) {
-    response.file = std::make_shared<BodyFile>(std::move(response.file), range->first, length);
+    response.file = std::make_shared<BodyFile>(std::move(response.file), first, length);
   } else {
-    response.body = response.body.substr(range->first, length);
+    response.body = response.body.substr(first, length);
   }
 }
 

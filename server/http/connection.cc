@@ -45,25 +45,32 @@ bool Workers::Run(std::function<void()> task, bool past_limit) {
 
 Connection::Connection(ConnectionContext& context, int socket_fd, const TlsContext* tls)
     : context_(context),
-      limits_(context.sessions.options.limits),
+      options_(context.sessions.options),
       socket_(socket_fd, tls),
       address_(socket_.PeerAddress()),
-      reader_(limits_.max_header_bytes, limits_.max_body_bytes, &context.budget) {}
+      reader_(options_.max_header_bytes, options_.max_body_bytes, &context.budget) {}
 
 void Connection::Start() {
-  context_.loop.Add(socket_.fd(), [self = shared_from_this()](EventLoop::Event event) {
-    self->Run(
-        [&] { return event == EventLoop::Event::kTimeout ? self->OnTimeout() : self->Step(); });
+  context_.loop.Add(socket_.fd(), [self = shared_from_this()](bool timed_out) {
+    self->Run([&] { return timed_out ? self->OnTimeout() : self->Step(); });
   });
   Enter(socket_.encrypted() ? Phase::kHandshake : Phase::kIdle);
   Run([this] { return Await(); });
 }
 
-// Takes steps until one must wait. What fails (no memory) fails for this client, not for all.
-void Connection::Run(const std::function<bool()>& step) {
+// Takes steps until one must wait. A refused request is answered. What else fails (no memory) fails
+// for this client, not for all.
+void Connection::Run(const std::function<bool()>& first) {
+  const auto take = [this](const std::function<bool()>& step) {
+    try {
+      return step();
+    } catch (const ProblemError& refusal) {
+      return Refuse(refusal);
+    }
+  };
   try {
-    bool goes_on = phase_ != Phase::kClosed && step();
-    while (goes_on) goes_on = Step();
+    bool goes_on = phase_ != Phase::kClosed && take(first);
+    while (goes_on) goes_on = take([this] { return Step(); });
   } catch (const std::exception&) {
     Close();
   }
@@ -97,18 +104,18 @@ void Connection::Enter(Phase phase) {
   switch (phase) {
     case Phase::kHandshake:
     case Phase::kHead:
-      return SetDeadline(now + limits_.header_timeout);
+      return SetDeadline(now + options_.header_timeout);
     case Phase::kIdle:
-      return SetDeadline(now + limits_.idle_timeout);
+      return SetDeadline(now + options_.idle_timeout);
     case Phase::kBody:
-      last_deadline_ = now + limits_.body_timeout + TimeFor(reader_.body_left());
-      return SetDeadline(now + limits_.body_timeout);
+      last_deadline_ = now + options_.body_timeout + TimeFor(reader_.body_left());
+      return SetDeadline(now + options_.body_timeout);
     case Phase::kWaiting:
       return SetDeadline(session_->wait().until);
     case Phase::kSending:
       last_deadline_ =
-          now + limits_.answer_timeout + TimeFor(answer_.file ? answer_.file->size() : 0);
-      return SetDeadline(now + limits_.write_timeout);
+          now + options_.answer_timeout + TimeFor(answer_.file ? answer_.file->size() : 0);
+      return SetDeadline(now + options_.write_timeout);
     case Phase::kDiscarding:
       return SetDeadline(now + kDiscardTime);
     case Phase::kServing:
@@ -130,7 +137,7 @@ bool Connection::End() {
 bool Connection::OnTimeout() {
   if (phase_ == Phase::kWaiting) return Serve();
   if (phase_ == Phase::kHead || phase_ == Phase::kBody) {
-    return Refuse({"request_timeout", "The request did not arrive in time. Send it again."});
+    throw ProblemError("request_timeout", "The request did not arrive in time. Send it again.");
   }
   return End();  // nobody to tell, or nothing to say
 }
@@ -164,17 +171,15 @@ bool Connection::Receive() {
 
 bool Connection::ReceiveHead() {
   while (true) {
-    const bool arrived = reader_.ReadHead();
-    if (phase_ == Phase::kIdle && (arrived || reader_.has_bytes())) {
+    if (phase_ == Phase::kIdle && reader_.HasBytes()) {
       begun_ = Clock::now();
       Enter(Phase::kHead);
     }
-    if (arrived) break;
+    if (reader_.ReadHead()) break;
     if (!Receive()) return false;
   }
   session_ = std::make_shared<Session>(context_.sessions, reader_.head(), address_, begun_,
                                        served_ + 1 >= kMostRequestsPerConnection);
-  if (reader_.refusal()) return Refuse(ProblemError(*reader_.refusal()));
   if (!session_->takes_body_first()) return Serve();
   Enter(Phase::kBody);
   return true;
@@ -188,12 +193,11 @@ bool Connection::ReceiveBody() {
     // to that for what has come.
     if (reader_.has_sink() && got > 0) {
       const auto earned = TimeFor(reader_.body_left() > 0 ? 0 : reader_.body_bytes());
-      SetDeadline(std::min(last_deadline_ + earned, Clock::now() + limits_.body_timeout));
+      SetDeadline(std::min(last_deadline_ + earned, Clock::now() + options_.body_timeout));
     }
     if (got >= kMostAtOnce) return Await();
     if (!Receive()) return false;
   }
-  if (reader_.refusal()) return Refuse(ProblemError(*reader_.refusal()));
   session_->TakeBody(reader_.TakeBody(), reader_.body_bytes());
   return Serve();
 }
@@ -210,7 +214,7 @@ bool Connection::Serve() {
       },
       has_waited);
   if (taken) return false;
-  return Refuse({"busy", kTooManyRequests, {.retry_after_s = 2}});
+  throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
 }
 
 bool Connection::OnServed() {
@@ -224,7 +228,6 @@ bool Connection::OnServed() {
   }
   reader_.ReceiveInto(session_->sink());
   reader_.ReadBody();
-  if (reader_.refusal()) return Refuse(ProblemError(*reader_.refusal()));
   // Nothing else is being sent, so a socket that has no room for this is broken.
   if (session_->expects_continue() &&
       socket_.Write(kContinue.data(), kContinue.size()) != std::ssize(kContinue)) {
@@ -249,8 +252,9 @@ bool Connection::AwaitEvent() {
 }
 
 bool Connection::Refuse(const ProblemError& error) {
+  if (phase_ == Phase::kIdle) begun_ = Clock::now();
   if (!session_) {
-    session_ = std::make_shared<Session>(context_.sessions, RequestHead{}, address_, begun_, true);
+    session_ = std::make_shared<Session>(context_.sessions, reader_.head(), address_, begun_, true);
   }
   session_->Refuse(error.problem(), reader_.body_bytes());
   return SendAnswer();
@@ -258,7 +262,6 @@ bool Connection::Refuse(const ProblemError& error) {
 
 void Connection::TurnAway() {
   if (!socket_.encrypted()) {
-    begun_ = Clock::now();
     Refuse({"busy", "Too many connections. Try again shortly.", {.retry_after_s = 2}});
     socket_.Write(answer_.text.data(), answer_.text.size());
   }
@@ -307,7 +310,7 @@ bool Connection::Send() {
     const bool kept = held_ > 0 || answer_.file || unsent <= kAlwaysKeptBytes;
     if (sent != Socket::kWait || !kept) return End();
     if (sent_now > 0) {
-      SetDeadline(std::min(last_deadline_, Clock::now() + limits_.write_timeout));
+      SetDeadline(std::min(last_deadline_, Clock::now() + options_.write_timeout));
     }
     return Await();
   }

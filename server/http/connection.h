@@ -31,8 +31,6 @@ class Workers {
  public:
   Workers(int threads, int limit) : limit_(limit), pool_(static_cast<std::size_t>(threads)) {}
   ~Workers() { Finish(); }
-  Workers(const Workers&) = delete;
-  Workers& operator=(const Workers&) = delete;
 
   // false = the queue is full; with `past_limit` it takes the task anyway.
   bool Run(std::function<void()> task, bool past_limit = false);
@@ -90,7 +88,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     kClosed
   };
 
-  void Run(const std::function<bool()>& step);
+  void Run(const std::function<bool()>& first);
   void Enter(Phase phase);
   void SetDeadline(Clock::time_point at) { context_.loop.SetDeadline(socket_.fd(), at); }
   // These perform a step, and return whether the next step can follow at once.
@@ -112,7 +110,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool Refill();   // answer_.text with the next piece
 
   ConnectionContext& context_;
-  const ConnectionLimits& limits_;
+  const HttpOptions& options_;
   Socket socket_;
   const std::string address_;
 

@@ -12,19 +12,19 @@
 namespace pliant::server {
 
 EventLoop::EventLoop()
-    : epoll_fd_(epoll_create1(EPOLL_CLOEXEC)), wake_fd_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  epoll_event event{};
-  event.events = EPOLLIN;
-  event.data.fd = wake_fd_;
-  epoll_ctl(epoll_fd_, EPOLL_CTL_ADD, wake_fd_, &event);
+    : epoll_(epoll_create1(EPOLL_CLOEXEC)), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  Control(EPOLL_CTL_ADD, wake_.get(), EPOLLIN);
   thread_ = std::thread([this] { Run(); });
 }
 
 EventLoop::~EventLoop() {
   Post([this] { ending_ = true; });
   thread_.join();
-  close(epoll_fd_);
-  close(wake_fd_);
+}
+
+void EventLoop::Control(int operation, int fd, std::uint32_t events) const {
+  epoll_event event{.events = events, .data = {.fd = fd}};
+  epoll_ctl(epoll_.get(), operation, fd, &event);
 }
 
 void EventLoop::Post(std::function<void()> task) {
@@ -33,28 +33,23 @@ void EventLoop::Post(std::function<void()> task) {
     tasks_.push_back(std::move(task));
   }
   const std::uint64_t one = 1;
-  [[maybe_unused]] const ssize_t woken = ::write(wake_fd_, &one, sizeof(one));
+  [[maybe_unused]] const ssize_t woken = ::write(wake_.get(), &one, sizeof(one));
 }
 
 void EventLoop::Add(int fd, Handler handler) {
   entries_[fd].handler = std::move(handler);
-  epoll_event event{};
-  event.data.fd = fd;
-  epoll_ctl(epoll_fd_, EPOLL_CTL_ADD, fd, &event);
+  Control(EPOLL_CTL_ADD, fd, 0);
 }
 
 void EventLoop::Remove(int fd) {
   SetDeadline(fd, kNever);
-  epoll_ctl(epoll_fd_, EPOLL_CTL_DEL, fd, nullptr);
+  Control(EPOLL_CTL_DEL, fd, 0);
   entries_.erase(fd);
 }
 
 void EventLoop::Await(int fd, std::uint32_t events) {
-  epoll_event event{};
   // Once: a client that sends while its answer is being sent must not spin the loop.
-  event.events = events | EPOLLONESHOT;
-  event.data.fd = fd;
-  epoll_ctl(epoll_fd_, EPOLL_CTL_MOD, fd, &event);
+  Control(EPOLL_CTL_MOD, fd, events | EPOLLONESHOT);
 }
 
 void EventLoop::SetDeadline(int fd, Clock::time_point deadline) {
@@ -69,37 +64,35 @@ void EventLoop::Run() {
   constexpr int kEvents = 64;  // taken from the system at a time
   std::array<epoll_event, kEvents> events{};
   while (!ending_) {
-    const int count = epoll_wait(epoll_fd_, events.data(), kEvents, MillisecondsToDeadline());
+    const int count = epoll_wait(epoll_.get(), events.data(), kEvents, MillisecondsToDeadline());
     for (int i = 0; i < count; ++i) {
-      if (events[i].data.fd != wake_fd_) {
-        Call(events[i].data.fd, Event::kReady);
+      if (events[i].data.fd != wake_.get()) {
+        Call(events[i].data.fd, /*timed_out=*/false);
         continue;
       }
       std::uint64_t wakes = 0;
-      [[maybe_unused]] const ssize_t got = ::read(wake_fd_, &wakes, sizeof(wakes));
+      [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &wakes, sizeof(wakes));
     }
     while (!deadlines_.empty() && deadlines_.begin()->first <= Clock::now()) {
       const int fd = deadlines_.begin()->second;
       SetDeadline(fd, kNever);
-      Call(fd, Event::kTimeout);
+      Call(fd, /*timed_out=*/true);
     }
     RunTasks();
   }
 }
 
-void EventLoop::Call(int fd, Event event) {
+void EventLoop::Call(int fd, bool timed_out) {
   const auto entry = entries_.find(fd);
   if (entry == entries_.end()) return;
   const Handler handler = entry->second.handler;  // a copy: it may remove itself
-  handler(event);
+  handler(timed_out);
 }
 
 void EventLoop::RunTasks() {
-  std::vector<std::function<void()>> tasks;
-  {
-    const std::lock_guard lock(mutex_);
-    tasks.swap(tasks_);
-  }
+  std::unique_lock lock(mutex_);
+  const auto tasks = std::exchange(tasks_, {});
+  lock.unlock();
   for (const auto& task : tasks) task();
 }
 

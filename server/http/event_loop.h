@@ -13,20 +13,19 @@
 #include <utility>
 #include <vector>
 
+#include "index/files/durable_file.h"
+
 namespace pliant::server {
 
 using Clock = std::chrono::steady_clock;
 
 class EventLoop {
  public:
-  enum class Event { kReady, kTimeout };
-  using Handler = std::function<void(Event)>;
+  using Handler = std::function<void(bool timed_out)>;
   static constexpr Clock::time_point kNever = Clock::time_point::max();
 
   EventLoop();
   ~EventLoop();  // runs the tasks so far and ends the thread; handlers are dropped
-  EventLoop(const EventLoop&) = delete;
-  EventLoop& operator=(const EventLoop&) = delete;
 
   // Runs `task` on the loop's thread. From any thread.
   void Post(std::function<void()> task);
@@ -47,11 +46,12 @@ class EventLoop {
 
   void Run();
   void RunTasks();
-  void Call(int fd, Event event);
+  void Call(int fd, bool timed_out);
+  void Control(int operation, int fd, std::uint32_t events) const;
   int MillisecondsToDeadline() const;
 
-  int epoll_fd_;
-  int wake_fd_;
+  const FileHandle epoll_;
+  const FileHandle wake_;
   std::unordered_map<int, Entry> entries_;
   std::set<std::pair<Clock::time_point, int>> deadlines_;
 

@@ -14,16 +14,6 @@
 
 namespace pliant::server {
 
-struct ConnectionLimits {
-  std::chrono::milliseconds idle_timeout{5'000};      // between requests
-  std::chrono::milliseconds header_timeout{10'000};   // first byte to end of headers
-  std::chrono::milliseconds body_timeout{60'000};     // end of headers to end of body
-  std::chrono::milliseconds write_timeout{10'000};    // for each piece of the answer
-  std::chrono::milliseconds answer_timeout{120'000};  // for the whole answer
-  std::size_t max_header_bytes = 32 * 1024;
-  std::size_t max_body_bytes = 32 * 1024 * 1024;
-};
-
 struct HttpOptions {
   std::string host = "127.0.0.1";
   int port = 8080;                  // 0 = any free one
@@ -33,7 +23,13 @@ struct HttpOptions {
   int connections_per_address = 0;  // likewise; 0 = no limit
   // Bodies of requests, and what clients have not yet taken of answers, over all connections.
   std::size_t max_inflight_bytes = std::size_t{512} * 1024 * 1024;
-  ConnectionLimits limits;
+  std::chrono::milliseconds idle_timeout{5'000};      // between requests
+  std::chrono::milliseconds header_timeout{10'000};   // first byte to end of headers
+  std::chrono::milliseconds body_timeout{60'000};     // end of headers to end of body
+  std::chrono::milliseconds write_timeout{10'000};    // for each piece of the answer
+  std::chrono::milliseconds answer_timeout{120'000};  // for the whole answer
+  std::size_t max_header_bytes = 32 * 1024;
+  std::size_t max_body_bytes = 32 * 1024 * 1024;
   std::string tls_certificate;  // PEM file; empty = no TLS
   std::string tls_key;
   // Pages of these origins ("https://shop.example") can send requests (CORS); "*" = any.

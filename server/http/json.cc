@@ -16,7 +16,7 @@ namespace {
 Json Parse(const std::string& text, const std::string& name, Json::value_t top,
            const char* top_name) {
   const auto fail = [&](const std::string& why) {
-    return ProblemError("invalid_json", name + " " + why).Parameter(name);
+    return ProblemError("invalid_json", name + " " + why, {.parameter = name});
   };
   bool too_deep = false;
   bool too_many = false;

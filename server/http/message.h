@@ -3,7 +3,6 @@
 // One HTTP request and its answer, as the routes see them: no type of the HTTP library.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <map>
@@ -126,9 +125,10 @@ struct Response {
 
   // The first header of that name, as written; empty when there is none.
   std::string header(const std::string& name) const {
-    const auto it = std::find_if(headers.begin(), headers.end(),
-                                 [&](const auto& header) { return header.first == name; });
-    return it == headers.end() ? std::string() : it->second;
+    for (const auto& [one, value] : headers) {
+      if (one == name) return value;
+    }
+    return {};
   }
 };
 

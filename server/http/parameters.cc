@@ -233,14 +233,20 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   if (request.content_type == "application/json" && !request.body.empty() &&
       route.body != BodyKind::kMergePatch) {
     Json body = ParseJsonObject(request.body, "body");
-    if (route.body == BodyKind::kImageOrJson) image_ = TakeImage(body);
-    for (auto& [name, value] : body.items()) InsertJson(name, std::move(value));
+    if (route.body == BodyKind::kImageOrJson) {
+      ImageText image = TakeImage(body);
+      if (image.base64 || image.url) images_.emplace("", std::move(image));
+    }
+    for (auto& [name, value] : body.items()) {
+      const Parameter& spec = Known(name);
+      if (!value.is_null()) Insert(spec, std::move(value));
+    }
   }
   for (const Parameter& parameter : route_.parameters) {
     if (parameter.required && !images_.contains(parameter.name) &&
         Text(parameter.name).value_or("").empty()) {
-      throw ProblemError("missing_parameter", parameter.name + " is required.")
-          .Parameter(parameter.name);
+      throw ProblemError("missing_parameter", parameter.name + " is required.",
+                         {.parameter = parameter.name});
     }
   }
 }
@@ -253,8 +259,8 @@ const Parameter& Parameters::Known(const std::string& name) const {
   throw ProblemError(
       "unknown_parameter",
       fmt::format("Unknown parameter \"{}\". This route takes {}.", shown,
-                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))))
-      .Parameter(shown);
+                  known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))),
+      {.parameter = shown});
 }
 
 void Parameters::InsertText(const std::string& name, const std::string& text) {
@@ -263,15 +269,11 @@ void Parameters::InsertText(const std::string& name, const std::string& text) {
   Insert(spec, ValueOf(spec, text));
 }
 
-void Parameters::InsertJson(const std::string& name, Json value) {
-  const Parameter& spec = Known(name);
-  if (!value.is_null()) Insert(spec, std::move(value));
-}
-
 void Parameters::Insert(const Parameter& spec, Json value) {
   const std::string& name = spec.name;
   if (has(name)) {
-    throw ProblemError("duplicate_parameter", name + " was given more than once.").Parameter(name);
+    throw ProblemError("duplicate_parameter", name + " was given more than once.",
+                       {.parameter = name});
   }
   if (const std::string wanted = WantedOf(spec, value); !wanted.empty()) {
     ThrowInvalid(name, name + " must be " + wanted + ".");
@@ -304,14 +306,8 @@ std::optional<std::string> Parameters::Text(const std::string& name) const {
   return value->is_string() ? value->get<std::string>() : ToText(*value);
 }
 
-std::optional<std::string> Parameters::JsonObject(const std::string& name) const {
-  const auto object = Value<Json>(name, Type::kJson);
-  if (!object) return std::nullopt;
-  return ToText(*object);
-}
-
 const ImageText* Parameters::Image(const std::string& name) const {
-  if (Spec(name).type != Type::kImage) {
+  if (!name.empty() && Spec(name).type != Type::kImage) {
     throw std::logic_error("parameter " + name + " has another type");
   }
   const auto it = images_.find(name);
@@ -319,7 +315,7 @@ const ImageText* Parameters::Image(const std::string& name) const {
 }
 
 void ThrowInvalid(const std::string& name, const std::string& detail) {
-  throw ProblemError("invalid_parameter", detail).Parameter(name);
+  throw ProblemError("invalid_parameter", detail, {.parameter = name});
 }
 
 }  // namespace pliant::server

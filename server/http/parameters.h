@@ -26,7 +26,7 @@ inline constexpr const char* kImagePart = "image";  // the parts of that name ar
 std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view body,
                                  std::size_t most_parts);
 
-// An image in JSON: base64, or an address to fetch it from. Never both; neither = there is none.
+// An image in JSON: either base64, or an address to fetch it from.
 struct ImageText {
   std::optional<std::string> base64 = {};
   std::optional<std::string> url = {};
@@ -47,11 +47,6 @@ class Parameters {
   }
   bool takes(const std::string& name) const;  // whether the route has a parameter of that name
 
-  // The key "image" of a JSON body, where the route takes an image; null = there is none.
-  const std::string* image_base64() const { return image_.base64 ? &*image_.base64 : nullptr; }
-  // The key "image_url", likewise. Never both.
-  const std::string* image_url() const { return image_.url ? &*image_.url : nullptr; }
-
   // Absent = nothing. Throws std::logic_error unless `name` is one of the route's parameters and
   // has the type asked for.
   std::optional<std::int64_t> Integer(const std::string& name) const {
@@ -69,9 +64,9 @@ class Parameters {
   std::optional<Json> JsonList(const std::string& name) const {
     return Value<Json>(name, Parameter::Type::kJsonList);
   }
-  std::optional<std::string> JsonObject(const std::string& name) const;  // on one line
-  std::optional<std::string> Text(const std::string& name) const;        // of any type
-  const ImageText* Image(const std::string& name) const;  // null = absent; owned by this
+  std::optional<std::string> Text(const std::string& name) const;  // of any type; JSON on one line
+  // Null = absent; owned by this. Without a name: the image in a JSON body, beside the parameters.
+  const ImageText* Image(const std::string& name = {}) const;
 
   template <typename T>
   std::optional<T> Choice(const std::string& name,
@@ -87,7 +82,6 @@ class Parameters {
  private:
   const Parameter& Known(const std::string& name) const;  // throws "unknown_parameter"
   void InsertText(const std::string& name, const std::string& text);
-  void InsertJson(const std::string& name, Json value);
   void Insert(const Parameter& spec, Json value);
   const Parameter& Spec(const std::string& name) const;
 
@@ -101,8 +95,7 @@ class Parameters {
 
   const Route& route_;
   std::map<std::string, Json> values_;
-  std::map<std::string, ImageText> images_;
-  ImageText image_;
+  std::map<std::string, ImageText> images_;  // "" = the body's own
 };
 
 // Throws ProblemError "invalid_parameter" for `name`.

@@ -10,8 +10,6 @@
 #include <string_view>
 #include <utility>
 
-#include <spdlog/spdlog.h>
-
 #include "index/files/text.h"
 #include "server/http/json.h"
 
@@ -121,11 +119,7 @@ const ProblemCode* FindCode(const std::string& code) {
 }
 
 Problem Completed(const std::string& code, const std::string& detail, Problem problem) {
-  const ProblemCode* known = FindCode(code);
-  if (known == nullptr) {
-    return {.status = 500, .code = "internal", .internal = "unlisted problem code " + code};
-  }
-  problem.status = known->status;
+  problem.status = ProblemCodeOf(code).status;
   problem.code = code;
   problem.detail = detail;
   if (problem.status == 503 && problem.retry_after_s == 0) {
@@ -146,6 +140,21 @@ Problem Hidden(const std::string& code, const std::string& internal) {
   const char* detail = ValueOf<std::string_view, const char*>(
       kDetails, code, "Internal error. Find the cause in the server's log by the request id.");
   return Completed(code, detail, {.internal = internal});
+}
+
+int StatusOf(ErrorCode code) {
+  constexpr std::pair<ErrorCode, int> kStatuses[] = {
+      {ErrorCode::kInvalidArgument, 400},
+      {ErrorCode::kNotFound, 404},
+      {ErrorCode::kConflict, 409},
+      {ErrorCode::kTooLarge, 413},
+      {ErrorCode::kUnsupportedMediaType, 415},
+      {ErrorCode::kUnprocessable, 422},
+      {ErrorCode::kUnavailable, 503},
+      {ErrorCode::kCancelled, 503},
+      {ErrorCode::kNoSpace, 507},
+  };
+  return ValueOf(kStatuses, code, 500);
 }
 
 Problem FromError(const Error& error) {
@@ -188,21 +197,6 @@ const ProblemCode& ProblemCodeOf(const std::string& code) {
   throw std::logic_error("unlisted problem code " + code);
 }
 
-int StatusOf(ErrorCode code) {
-  constexpr std::pair<ErrorCode, int> kStatuses[] = {
-      {ErrorCode::kInvalidArgument, 400},
-      {ErrorCode::kNotFound, 404},
-      {ErrorCode::kConflict, 409},
-      {ErrorCode::kTooLarge, 413},
-      {ErrorCode::kUnsupportedMediaType, 415},
-      {ErrorCode::kUnprocessable, 422},
-      {ErrorCode::kUnavailable, 503},
-      {ErrorCode::kCancelled, 503},
-      {ErrorCode::kNoSpace, 507},
-  };
-  return ValueOf(kStatuses, code, 500);
-}
-
 ProblemError::ProblemError(const std::string& code, const std::string& detail, Problem more)
     : ProblemError(Completed(code, detail, std::move(more))) {}
 
@@ -223,10 +217,6 @@ Problem CurrentProblem() {
   } catch (...) {
     return Hidden("internal", "an exception of an unknown type");
   }
-}
-
-void LogProblem(const Problem& problem) {
-  if (!problem.internal.empty()) spdlog::warn("{}: {}", problem.code, problem.internal);
 }
 
 Response ProblemResponse(const Problem& problem, const std::string& request_id) {

@@ -49,31 +49,18 @@ const ProblemCode& ProblemCodeOf(const std::string& code);
 // Ends a request with a problem.
 class ProblemError : public std::runtime_error {
  public:
-  // ProblemCodes() gives the status; an unknown code is a defect and becomes "internal".
+  // ProblemCodes() gives the status. Throws std::logic_error for a code that is not listed.
   ProblemError(const std::string& code, const std::string& detail, Problem more = {});
   explicit ProblemError(Problem problem);
 
-  ProblemError& Parameter(std::string name) {
-    problem_.parameter = std::move(name);
-    return *this;
-  }
-  ProblemError& RetryAfter(int seconds) {
-    problem_.retry_after_s = seconds;
-    return *this;
-  }
   const Problem& problem() const { return problem_; }
 
  private:
   Problem problem_;
 };
 
-int StatusOf(ErrorCode code);
-
 // The exception being handled, as a problem: ProblemError, Error, or anything else as "internal".
 Problem CurrentProblem();
-
-// One line for the log, if there is a cause that clients must not see.
-void LogProblem(const Problem& problem);
 
 Response ProblemResponse(const Problem& problem, const std::string& request_id);
 

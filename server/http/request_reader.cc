@@ -35,88 +35,91 @@ bool HasBareLineFeed(std::string_view text, std::size_t from) {
   return false;
 }
 
-// The next functions return what is wrong; empty = nothing.
+[[noreturn]] void ThrowBad(const char* why) { throw ProblemError("bad_request", why); }
 
-std::string ReadRequestLine(std::string_view line, RequestHead& head) {
+void ReadRequestLine(std::string_view line, RequestHead& head) {
   constexpr std::array<std::string_view, 9> kMethods = {
       "GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT"};
   const std::size_t first = line.find(' ');
   const std::size_t last = line.rfind(' ');
   if (first == last || line.find(' ', first + 1) != last) {
-    return "The request line must be \"METHOD target HTTP/1.1\".";
+    ThrowBad("The request line must be \"METHOD target HTTP/1.1\".");
   }
   const std::string_view version = line.substr(last + 1);
   head.is_http_1_0 = version == "HTTP/1.0";
-  if (version != "HTTP/1.1" && !head.is_http_1_0) return "The HTTP version must be 1.1 or 1.0.";
+  if (version != "HTTP/1.1" && !head.is_http_1_0) ThrowBad("The HTTP version must be 1.1 or 1.0.");
   const auto* method = std::find(kMethods.begin(), kMethods.end(), line.substr(0, first));
-  if (method == kMethods.end()) return "Unknown HTTP method.";
+  if (method == kMethods.end()) ThrowBad("Unknown HTTP method.");
   head.method = *method;
   head.target = line.substr(first + 1, last - first - 1);
-  return {};
 }
 
-std::string ReadField(std::string_view line, RequestHead& head) {
-  if (line.size() > kMostLineBytes) return "A header field is too long.";
+void ReadField(std::string_view line, RequestHead& head) {
+  if (line.size() > kMostLineBytes) ThrowBad("A header field is too long.");
   if (line.front() == ' ' || line.front() == '\t') {
-    return "A header field must be on one line.";
+    ThrowBad("A header field must be on one line.");
   }
   const std::size_t colon = std::min(line.find(':'), line.size());
   const std::string_view name = line.substr(0, colon);
   if (colon == line.size() || name.empty() || !IsNameOf(name, "!#$%&'*+-.^_`|~")) {
-    return "A header field has no name or an invalid name.";  // RFC 9110, section 5.6.2
+    ThrowBad("A header field has no name or an invalid name.");  // RFC 9110, section 5.6.2
+  }
+  if (head.fields.size() == kMostFields) {
+    throw ProblemError("headers_too_large",
+                       fmt::format("A request can have at most {} header fields.", kMostFields));
   }
   head.fields.emplace(name, Trimmed(line.substr(colon + 1)));
-  return {};
 }
 
 // Sections 6.1 and 6.3: one length, or chunks, never both; HTTP/1.0 has no chunks.
-std::string ReadFraming(RequestHead& head) {
-  const auto length = head.fields.find("Content-Length");
-  const auto encoding = head.fields.find("Transfer-Encoding");
-  const bool has_length = length != head.fields.end();
-  const bool has_encoding = encoding != head.fields.end();
-  if (head.fields.count("Content-Length") > 1 || head.fields.count("Transfer-Encoding") > 1 ||
-      (has_encoding && (has_length || head.is_http_1_0))) {
-    return "Send either Content-Length or Transfer-Encoding, and only once.";
+void ReadFraming(RequestHead& head) {
+  const std::size_t lengths = head.fields.count("Content-Length");
+  const std::size_t encodings = head.fields.count("Transfer-Encoding");
+  if (lengths + encodings > 1 || (encodings == 1 && head.is_http_1_0)) {
+    ThrowBad("Send either Content-Length or Transfer-Encoding, and only once.");
   }
-  if (has_encoding) {
-    const bool chunked = EqualsIgnoringCase(encoding->second, "chunked");
-    head.framing = chunked ? BodyFraming::kChunked : BodyFraming::kUnknown;
+  if (encodings == 1) {
+    if (!EqualsIgnoringCase(head.fields.find("Transfer-Encoding")->second, "chunked")) {
+      throw ProblemError("unsupported_transfer_encoding", "The Transfer-Encoding must be chunked.");
+    }
+    head.framing = BodyFraming::kChunked;
   }
-  if (!has_length) return {};
-  const std::string& text = length->second;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), head.length);
-  const bool too_large = error == std::errc::result_out_of_range;
-  if (end != text.data() + text.size() || (error != std::errc() && !too_large)) {
-    return "Content-Length must be a number.";
+  if (lengths == 1) {
+    const auto length = Digits(head.fields.find("Content-Length")->second);
+    if (!length) ThrowBad("Content-Length must be a number.");
+    head.length = *length;
+    if (*length > 0) head.framing = BodyFraming::kLength;
   }
-  if (too_large) head.length = std::numeric_limits<std::uint64_t>::max();
-  if (head.length > 0) head.framing = BodyFraming::kLength;
-  return {};
 }
 
 }  // namespace
 
-RequestHead ReadRequestHead(std::string_view text) {
-  RequestHead head;
-  for (bool first = true; head.fault.empty() && !text.empty(); first = false) {
+std::optional<std::uint64_t> Digits(std::string_view text) {
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (end != text.data() + text.size()) return std::nullopt;
+  if (error == std::errc::result_out_of_range) return std::numeric_limits<std::uint64_t>::max();
+  return error == std::errc() ? std::optional(value) : std::nullopt;
+}
+
+void ReadRequestHead(std::string_view text, RequestHead& head) {
+  for (bool first = true; !text.empty(); first = false) {
     const std::size_t end = text.find('\n');
     if (end == text.npos || end == 0 || text[end - 1] != '\r') {
-      head.fault = "Every header line must end with CR LF.";
-      break;
+      ThrowBad("Every header line must end with CR LF.");
     }
     const std::string_view line = text.substr(0, end - 1);
     text.remove_prefix(end + 1);
     if (std::any_of(line.begin(), line.end(), IsControl)) {
-      head.fault = "The headers must not contain control characters.";
-    } else if (first) {
-      head.fault = ReadRequestLine(line, head);
+      ThrowBad("The headers must not contain control characters.");
+    }
+    if (first) {
+      ReadRequestLine(line, head);
     } else if (!line.empty()) {
-      head.fault = ReadField(line, head);
+      ReadField(line, head);
     }
   }
-  if (head.fault.empty()) head.fault = ReadFraming(head);
-  return head;
+  ReadFraming(head);
 }
 
 std::size_t EndOfHead(std::string_view received, std::size_t from) {
@@ -186,33 +189,28 @@ bool MemoryBudget::Take(std::size_t bytes) {
   return false;
 }
 
-bool RequestReader::Refuse(const ProblemError& problem) {
-  refusal_ = problem.problem();
-  return true;
+bool RequestReader::HasBytes() {
+  while (buffer_.compare(begin_, 2, "\r\n") == 0) begin_ += 2;
+  return begin_ < buffer_.size();
 }
 
 bool RequestReader::ReadHead() {
-  // Empty lines before a request are tolerated (section 2.2).
-  while (buffer_.compare(begin_, 2, "\r\n") == 0) begin_ += 2;
-  const std::size_t end = EndOfHead(buffer_, std::max(searched_, begin_));
+  const std::size_t end =
+      HasBytes() ? EndOfHead(buffer_, std::max(searched_, begin_)) : std::string::npos;
   const std::size_t known = std::min(end, buffer_.size());
   // Empty lines count, too: a client could send them for ever.
   if (known > max_header_bytes_) {
-    return Refuse({"headers_too_large", fmt::format("The headers can have at most {}.",
-                                                    FormatBytes(max_header_bytes_))});
+    throw ProblemError("headers_too_large", fmt::format("The headers can have at most {}.",
+                                                        FormatBytes(max_header_bytes_)));
   }
   const bool bare = HasBareLineFeed(std::string_view(buffer_).substr(0, known), searched_);
   searched_ = buffer_.size();
   if (end == std::string::npos && !bare) return false;
-  head_ = ReadRequestHead(std::string_view(buffer_).substr(begin_, known - begin_));
+  ReadRequestHead(std::string_view(buffer_).substr(begin_, known - begin_), head_);
   buffer_.erase(0, known);
   begin_ = searched_ = 0;
   chunks_ = ChunkedBody(max_body_bytes_);
-  if (head_.fields.size() > kMostFields) {
-    return Refuse({"headers_too_large",
-                   fmt::format("A request can have at most {} header fields.", kMostFields)});
-  }
-  return head_.fault.empty() || Refuse({"bad_request", head_.fault});
+  return true;
 }
 
 void RequestReader::ReceiveInto(std::shared_ptr<BodySink> sink) {
@@ -221,12 +219,13 @@ void RequestReader::ReceiveInto(std::shared_ptr<BodySink> sink) {
 }
 
 bool RequestReader::ReadBody() {
-  if (refusal_ || body_ended_) return true;
-  const auto refuse_size = [&] {
-    return Refuse({"body_too_large",
-                   fmt::format("A body can have at most {}.", FormatBytes(max_body_bytes_))});
+  if (body_ended_) return true;
+  const auto check_size = [&](bool fits) {
+    if (fits) return;
+    throw ProblemError("body_too_large",
+                       fmt::format("A body can have at most {}.", FormatBytes(max_body_bytes_)));
   };
-  if (!sink_ && head_.length > max_body_bytes_) return refuse_size();
+  check_size(sink_ || head_.length <= max_body_bytes_);
   std::size_t used = static_cast<std::size_t>(std::min<std::uint64_t>(body_left(), buffer_.size()));
   std::string_view content = std::string_view(buffer_).substr(0, used);
   auto state = ChunkedBody::State::kGoesOn;
@@ -237,35 +236,29 @@ bool RequestReader::ReadBody() {
   }
   body_bytes_ += content.size();
   framing_bytes_ += used - content.size();
-  if (state == ChunkedBody::State::kBroken) {
-    return Refuse({"bad_request", "The body is damaged or incomplete."});
-  }
-  if (state == ChunkedBody::State::kTooLarge ||
-      framing_bytes_ > body_bytes_ + 2 * max_body_bytes_) {
-    return refuse_size();
-  }
-  if (!PassOn(content)) return true;
+  if (state == ChunkedBody::State::kBroken) ThrowBad("The body is damaged or incomplete.");
+  check_size(state != ChunkedBody::State::kTooLarge &&
+             framing_bytes_ <= body_bytes_ + 2 * max_body_bytes_);
+  PassOn(content);
   buffer_.erase(0, used);
   body_ended_ = head_.framing == BodyFraming::kChunked ? state == ChunkedBody::State::kEnded
                                                        : body_left() == 0;
   return body_ended_;
 }
 
-// False: refused.
-bool RequestReader::PassOn(std::string_view content) {
-  if (!sink_ && budget_->Take(content.size())) {
-    held_ += content.size();
-    body_.append(content);
-    return true;
+void RequestReader::PassOn(std::string_view content) {
+  if (sink_) {
+    try {
+      return sink_->Append(content);
+    } catch (...) {
+      throw ProblemError(CurrentProblem());
+    }
   }
-  try {
-    if (!sink_) throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
-    sink_->Append(content);
-    return true;
-  } catch (...) {
-    refusal_ = CurrentProblem();
-    return false;
+  if (!budget_->Take(content.size())) {
+    throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
   }
+  held_ += content.size();
+  body_.append(content);
 }
 
 void RequestReader::Forget() {
@@ -276,7 +269,6 @@ void RequestReader::Forget() {
   body_ended_ = false;
   body_ = {};
   sink_.reset();
-  refusal_.reset();
 }
 
 }  // namespace pliant::server

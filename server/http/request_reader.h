@@ -23,10 +23,9 @@ namespace pliant::server {
 inline constexpr const char* kTooManyRequests =
     "Too many requests at the moment. Try again shortly.";
 
-enum class BodyFraming { kNone, kLength, kChunked, kUnknown };  // kUnknown: another encoding
+enum class BodyFraming { kNone, kLength, kChunked };
 
 struct RequestHead {
-  std::string fault = {};  // why it is refused (400); empty = accepted
   std::string method = {};
   std::string target = {};
   bool is_http_1_0 = false;
@@ -35,11 +34,15 @@ struct RequestHead {
   std::uint64_t length = 0;  // of the body, for kLength; saturated
 };
 
-// Reads a head with its request line and its empty last line. Refuses: unknown methods and
-// versions, lines that do not end in CRLF or are too long, control characters, folded fields,
-// fields without a name that is a token (section 5.1), lengths that are no number or occur twice, a
-// length beside chunks (section 6.3).
-RequestHead ReadRequestHead(std::string_view head);
+// Reads a head with its request line and its empty last line. Throws ProblemError "bad_request" for
+// unknown methods and versions, lines that do not end in CRLF or are too long, control characters,
+// folded fields, fields without a name that is a token (section 5.1), lengths that are no number or
+// occur twice, a length beside chunks (section 6.3); "headers_too_large" for too many fields;
+// "unsupported_transfer_encoding" for other than chunks. `head` then has what came before.
+void ReadRequestHead(std::string_view text, RequestHead& head);
+
+// The number that the digits give, or the largest for more than 64 bits; nothing for other text.
+std::optional<std::uint64_t> Digits(std::string_view text);
 
 // Position behind the empty line that ends a head, searching from `from` on; npos when it is not
 // there yet.
@@ -88,13 +91,12 @@ class RequestReader {
   RequestReader& operator=(const RequestReader&) = delete;
 
   void Append(std::string_view bytes) { buffer_.append(bytes); }
-  bool has_bytes() const { return begin_ < buffer_.size(); }  // of a request
+  bool HasBytes();  // of a request; skips empty lines before it, which are tolerated (section 2.2)
 
-  // Each returns false when it needs more bytes. True: the part has arrived, or refusal() says why
-  // the request is refused, and nothing more of it is read.
+  // Each returns false when it needs more bytes. Throws ProblemError when the request is refused:
+  // nothing more of it is read then.
   bool ReadHead();
   bool ReadBody();  // after ReadHead(); asked again, it returns the same
-  const std::optional<Problem>& refusal() const { return refusal_; }
 
   const RequestHead& head() const { return head_; }
   // The body goes there, whatever its length. Before the first ReadBody().
@@ -111,8 +113,7 @@ class RequestReader {
   void Forget();
 
  private:
-  bool Refuse(const ProblemError& problem);
-  bool PassOn(std::string_view content);
+  void PassOn(std::string_view content);
 
   const std::size_t max_header_bytes_;
   const std::size_t max_body_bytes_;
@@ -129,7 +130,6 @@ class RequestReader {
   std::shared_ptr<BodySink> sink_;
   std::uint64_t body_bytes_ = 0;
   std::uint64_t framing_bytes_ = 0;  // of the chunks
-  std::optional<Problem> refusal_;
 };
 
 }  // namespace pliant::server

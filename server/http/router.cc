@@ -124,14 +124,6 @@ std::vector<std::string> SplitPath(std::string_view path) {
 
 std::string EncodeSegment(std::string_view text) { return PercentEncode(text, "-._~"); }
 
-void CheckConditions(const Route& route, const Request& request) {
-  if (request.method == "GET" || route.takes_if_match || !request.headers.contains("If-Match")) {
-    return;
-  }
-  throw ProblemError("precondition_failed",
-                     "This route does not support If-Match. Nothing was changed.");
-}
-
 void CheckContentType(const Route& route, const Request& request) {
   if (!request.has_body || route.body == BodyKind::kNone) return;
   const std::string& type = request.content_type;

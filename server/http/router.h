@@ -161,8 +161,5 @@ std::string EncodeSegment(std::string_view text);
 
 // Throws ProblemError "unsupported_content_type" for a body that the route does not take.
 void CheckContentType(const Route& route, const Request& request);
-// Throws ProblemError "precondition_failed" if the route would ignore If-Match: the request must
-// not be performed as if it held (RFC 9110, section 13.1.1).
-void CheckConditions(const Route& route, const Request& request);
 
 }  // namespace pliant::server

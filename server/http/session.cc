@@ -37,23 +37,18 @@ std::string Printable(std::string_view text) {
   return printable;
 }
 
-std::multimap<std::string, std::string> QueryOf(const std::string& target) {
-  httplib::Params query;
-  const std::size_t mark = target.find('?');
-  if (mark != std::string::npos) httplib::detail::parse_query_text(target.substr(mark + 1), query);
-  return {query.begin(), query.end()};
-}
-
 }  // namespace
 
 Session::Session(SessionContext& context, RequestHead head, const std::string& remote_address,
                  std::chrono::steady_clock::time_point begun, bool is_last)
     : context_(context), begun_(begun), head_(std::move(head)) {
   request_.method = head_.method == "HEAD" ? "GET" : head_.method;
-  request_.path = head_.target.substr(0, head_.target.find('?'));
-  request_.query = QueryOf(head_.target);
+  const std::size_t mark = std::min(head_.target.find('?'), head_.target.size());
+  request_.path = head_.target.substr(0, mark);
+  httplib::detail::parse_query_text(head_.target.substr(mark).erase(0, 1), request_.query);
   request_.headers = std::move(head_.fields);
   if (head_.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
+  request_.has_body = head_.framing != BodyFraming::kNone;
   request_.remote_address = record_.remote_address = remote_address;
   const std::string type = request_.header("Content-Type");
   request_.content_type = Lower(Trimmed(type.substr(0, type.find(';'))));
@@ -78,9 +73,9 @@ bool Session::expects_continue() const {
 }
 
 bool Session::takes_body_first() const {
-  return head_.framing == BodyFraming::kLength &&
-         head_.length <= context_.options.limits.max_body_bytes && !expects_continue() &&
-         !request_.headers.contains("Content-Encoding") && context_.admitted.Has(request_);
+  return head_.framing == BodyFraming::kLength && head_.length <= context_.options.max_body_bytes &&
+         !expects_continue() && !request_.headers.contains("Content-Encoding") &&
+         context_.admitted.Has(request_);
 }
 
 void Session::TakeBody(std::string body, std::uint64_t bytes) {
@@ -115,8 +110,15 @@ void Session::Serve() {
 // Checks the whole head before a long body is sent for nothing. Returns the answer to a browser's
 // preflight.
 std::optional<Response> Session::Check() {
-  CheckFraming();
   // HTTP/1.0, which no browser speaks, does without the header.
+  if (!head_.is_http_1_0 && request_.headers.count("Host") != 1) {
+    throw ProblemError("bad_request", "A request needs exactly one Host header.");
+  }
+  const std::string coding = Lower(request_.header("Content-Encoding"));
+  if (request_.has_body && !coding.empty() && coding != "identity") {
+    throw ProblemError("unsupported_content_encoding",
+                       "The server does not accept compressed bodies. Send the body uncompressed.");
+  }
   const auto host = request_.headers.find("Host");
   if (host != request_.headers.end() && !context_.allowed_hosts.Allows(host->second)) {
     throw ProblemError("host_not_allowed",
@@ -134,7 +136,12 @@ std::optional<Response> Session::Check() {
   context_.origins.CheckSameSite(request_);
   route_ = &context_.router.Resolve(request_);
   record_.route = route_->name;
-  CheckConditions(*route_, request_);
+  // The request must not be performed as if the condition held (RFC 9110, section 13.1.1).
+  if (request_.method != "GET" && !route_->takes_if_match &&
+      request_.headers.contains("If-Match")) {
+    throw ProblemError("precondition_failed",
+                       "This route does not support If-Match. Nothing was changed.");
+  }
   Admit();
   if (route_->needs_index && context_.stopping) {
     throw ProblemError("stopping", "The server is stopping.");
@@ -148,28 +155,13 @@ std::optional<Response> Session::Check() {
     request_.body = {};
   }
   // Chunks can have any number of bytes in total.
-  const bool is_long = head_.framing == BodyFraming::kChunked ||
-                       head_.length > context_.options.limits.max_body_bytes;
+  const bool is_long =
+      head_.framing == BodyFraming::kChunked || head_.length > context_.options.max_body_bytes;
   if (request_.has_body && route_->receive && is_long) {
     const Parameters checked(*route_, request_);
     request_.received = route_->receive(request_, head_.length);
   }
   return std::nullopt;
-}
-
-void Session::CheckFraming() {
-  request_.has_body = head_.framing != BodyFraming::kNone;
-  if (!head_.is_http_1_0 && request_.headers.count("Host") != 1) {
-    throw ProblemError("bad_request", "A request needs exactly one Host header.");
-  }
-  if (head_.framing == BodyFraming::kUnknown) {
-    throw ProblemError("unsupported_transfer_encoding", "The Transfer-Encoding must be chunked.");
-  }
-  const std::string coding = Lower(request_.header("Content-Encoding"));
-  if (request_.has_body && !coding.empty() && coding != "identity") {
-    throw ProblemError("unsupported_content_encoding",
-                       "The server does not accept compressed bodies. Send the body uncompressed.");
-  }
 }
 
 void Session::Admit() {
@@ -274,7 +266,7 @@ std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const
     add("Connection", "close");
   } else {
     if (head_.is_http_1_0) add("Connection", "keep-alive");
-    const auto idle = std::chrono::ceil<std::chrono::seconds>(context_.options.limits.idle_timeout);
+    const auto idle = std::chrono::ceil<std::chrono::seconds>(context_.options.idle_timeout);
     add("Keep-Alive", fmt::format("timeout={}, max={}", idle.count(), kMostRequestsPerConnection));
   }
   return head + "\r\n";

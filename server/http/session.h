@@ -101,7 +101,6 @@ class Session {
 
  private:
   std::optional<Response> Check();
-  void CheckFraming();
   void Admit();
   void RunHandler();
   void BeginWait(Wait wait);

@@ -13,7 +13,6 @@
 #include <openssl/ssl.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include "descriptor/base/error.h"
 
@@ -54,15 +53,13 @@ TlsContext::TlsContext(const std::string& certificate_file, const std::string& k
 }
 
 Socket::Socket(int fd, const TlsContext* tls)
-    : fd_(fd),
+    : file_(fd),
       encrypted_(tls != nullptr),
       ssl_(encrypted_ ? SSL_new(tls->context_.get()) : nullptr, SSL_free),
       awaited_(EPOLLIN) {
-  fcntl(fd_, F_SETFL, fcntl(fd_, F_GETFL) | O_NONBLOCK);
-  if (encrypted_) failed_ = ssl_ == nullptr || SSL_set_fd(ssl_.get(), fd_) != 1;
+  fcntl(fd, F_SETFL, fcntl(fd, F_GETFL) | O_NONBLOCK);
+  if (encrypted_) failed_ = ssl_ == nullptr || SSL_set_fd(ssl_.get(), fd) != 1;
 }
-
-Socket::~Socket() { close(fd_); }
 
 std::string Socket::PeerAddress() const {
   sockaddr_storage address{};
@@ -70,7 +67,7 @@ std::string Socket::PeerAddress() const {
   std::array<char, NI_MAXHOST> host{};
   auto* peer = reinterpret_cast<sockaddr*>(&address);
   const bool known =
-      getpeername(fd_, peer, &length) == 0 &&
+      getpeername(fd(), peer, &length) == 0 &&
       getnameinfo(peer, length, host.data(), host.size(), nullptr, 0, NI_NUMERICHOST) == 0;
   return known ? host.data() : "";
 }
@@ -107,26 +104,26 @@ ssize_t Socket::Handshake() {
 }
 
 ssize_t Socket::Read(char* data, std::size_t size) {
-  if (!encrypted_) return Plain(EPOLLIN, [&] { return recv(fd_, data, size, 0); });
+  if (!encrypted_) return Plain(EPOLLIN, [&] { return recv(fd(), data, size, 0); });
   return Encrypted(EPOLLIN, [&] { return SSL_read(ssl_.get(), data, AsInt(size)); });
 }
 
 ssize_t Socket::Write(const char* data, std::size_t size) {
-  if (!encrypted_) return Plain(EPOLLOUT, [&] { return send(fd_, data, size, MSG_NOSIGNAL); });
+  if (!encrypted_) return Plain(EPOLLOUT, [&] { return send(fd(), data, size, MSG_NOSIGNAL); });
   return Encrypted(EPOLLOUT, [&] { return SSL_write(ssl_.get(), data, AsInt(size)); });
 }
 
 ssize_t Socket::Discard() {
   std::array<char, 16 * 1024> nothing;
-  return Plain(EPOLLIN, [&] { return recv(fd_, nothing.data(), nothing.size(), 0); });
+  return Plain(EPOLLIN, [&] { return recv(fd(), nothing.data(), nothing.size(), 0); });
 }
 
 void Socket::EndSending() {
   if (established_ && !failed_) SSL_shutdown(ssl_.get());
   ERR_clear_error();
-  shutdown(fd_, SHUT_WR);
+  shutdown(fd(), SHUT_WR);
 }
 
-void Socket::Shutdown() { shutdown(fd_, SHUT_RDWR); }
+void Socket::Shutdown() { shutdown(fd(), SHUT_RDWR); }
 
 }  // namespace pliant::server

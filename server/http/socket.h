@@ -11,6 +11,8 @@
 
 #include <sys/types.h>
 
+#include "index/files/durable_file.h"
+
 struct ssl_ctx_st;
 struct ssl_st;
 
@@ -38,11 +40,8 @@ class Socket {
 
   // Owns `fd` and makes it non-blocking. `tls` can be null.
   Socket(int fd, const TlsContext* tls);
-  ~Socket();
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
 
-  int fd() const { return fd_; }
+  int fd() const { return file_.get(); }
   bool encrypted() const { return encrypted_; }
   std::string PeerAddress() const;
 
@@ -64,7 +63,7 @@ class Socket {
   template <typename Call>
   ssize_t Encrypted(std::uint32_t events, Call call);
 
-  const int fd_;
+  const FileHandle file_;
   const bool encrypted_;
   std::unique_ptr<ssl_st, void (*)(ssl_st*)> ssl_;
   bool failed_ = false;  // then OpenSSL must not be asked to shut down

@@ -3,6 +3,7 @@
 #include "server/jobs/backups.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <optional>
 
@@ -14,6 +15,7 @@
 #include "descriptor/base/error.h"
 #include "index/files/text.h"
 #include "index/store/open_store.h"
+#include "server/http/parameters.h"
 
 namespace pliant::server {
 
@@ -96,20 +98,15 @@ void Backups::Remove(const std::string& name) const {
   const bool removed = fs::remove(directory_ / name, error);
   if (!error && !removed) ThrowNotFound();  // another request was faster
   if (!error) return;
-  const bool read_only = error == std::errc::permission_denied ||
-                         error == std::errc::operation_not_permitted ||
-                         error == std::errc::read_only_file_system;
-  throw Error(read_only ? ErrorCode::kReadOnly : ErrorCode::kInternal, "backup_not_removed",
-              (directory_ / name).string() + ": " + error.message());
+  errno = error.value();
+  ThrowErrno("cannot remove", directory_ / name);
 }
 
 JobStatus Backups::Add(JobStore& jobs, std::string name) const {
   RequireDirectory();
   if (name.empty()) name = NameOfNow();
   if (!IsName(name)) {
-    throw ProblemError("invalid_parameter",
-                       "name must be at most 100 letters, digits, . _ - and end in \".db\".")
-        .Parameter("name");
+    ThrowInvalid("name", "name must be at most 100 letters, digits, . _ - and end in \".db\".");
   }
   if (fs::exists(fs::symlink_status(directory_ / name))) {
     throw ProblemError("backup_exists", "A backup with this name exists. Choose another name.");

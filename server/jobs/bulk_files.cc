@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/bulk_files.h"
 
-#include <cerrno>
 #include <chrono>
 #include <set>
 #include <system_error>
@@ -16,7 +15,6 @@
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
-#include "server/http/body_file.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -27,8 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kMark = ".import-";
 constexpr std::size_t kIdDigits = 32;
-constexpr std::uint64_t kCheckEvery = 4 * 1024 * 1024;  // bytes between checks of the free space
-constexpr std::chrono::minutes kYoung{1};               // its upload may have made it just now
+constexpr std::chrono::minutes kYoung{1};  // its upload may have made it just now
 
 bool IsId(std::string_view text) { return text.size() == kIdDigits && FromHex(text); }
 
@@ -52,18 +49,14 @@ std::set<std::string> IdsInUse(const JobStore& jobs) {
 }  // namespace
 
 MappedFile::MappedFile(const fs::path& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-  if (fd < 0) ThrowFileError(path, errno);
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
+  if (!file.is_open()) ThrowErrno("cannot open", path);
   struct stat info{};
-  bool mapped = ::fstat(fd, &info) == 0;
+  if (::fstat(file.get(), &info) != 0) ThrowErrno("cannot read", path);
   size_ = static_cast<std::size_t>(info.st_size);
-  if (mapped && size_ > 0) {
-    data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
-    mapped = data_ != MAP_FAILED;
-  }
-  const int failed = errno;
-  ::close(fd);
-  if (!mapped) ThrowFileError(path, failed);
+  if (size_ == 0) return;
+  data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file.get(), 0);
+  if (data_ == MAP_FAILED) ThrowErrno("cannot read", path);
 }
 
 MappedFile::~MappedFile() {
@@ -79,11 +72,14 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
   RequireDiskSpace(fs::absolute(options_.database).parent_path(), bytes, options_.reserve_bytes);
   std::shared_ptr<int> slot = slots_;
   if (slot.use_count() - 1 > kMostUploads) {  // slots_ itself is one
-    throw ProblemError("busy", "Other clients are sending large imports. Try again later.")
-        .RetryAfter(30);
+    throw ProblemError("busy", "Other clients are sending large imports. Try again later.",
+                       {.retry_after_s = 30});
   }
-  const std::string id = RandomHex(kIdDigits);
-  return std::make_shared<BulkUpload>(PathOf(id), id, options_, std::move(slot));
+  std::string id;
+  fs::path path;
+  const auto next_name = [&] { return PathOf(id = RandomHex(kIdDigits)); };
+  FileHandle file = MakeLockedFile(next_name, 0600, &path);
+  return std::make_shared<BulkUpload>(std::move(file), path, id, options_, std::move(slot));
 }
 
 std::unique_ptr<MappedFile> BulkFiles::Open(const std::string& id) const {
@@ -108,46 +104,30 @@ std::size_t BulkFiles::Sweep(const JobStore& jobs) const {
     std::error_code gone;
     const auto written = entry.last_write_time(gone);
     if (gone || fs::file_time_type::clock::now() - written < kYoung) continue;
-    const int fd = ::open(entry.path().c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
-    if (fd < 0) continue;
+    const FileHandle file(::open(entry.path().c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
     // Its job was added before the lock was given up.
-    const bool unused =
-        ::flock(fd, LOCK_EX | LOCK_NB) == 0 && !IdsInUse(jobs).contains(name.substr(prefix.size()));
+    const bool unused = file.is_open() && ::flock(file.get(), LOCK_EX | LOCK_NB) == 0 &&
+                        !IdsInUse(jobs).contains(name.substr(prefix.size()));
     if (unused && fs::remove(entry.path(), ignored)) ++removed;
-    ::close(fd);
   }
   return removed;
 }
 
-BulkUpload::BulkUpload(fs::path path, std::string id, const BulkFileOptions& options,
-                       std::shared_ptr<int> slot)
+BulkUpload::BulkUpload(FileHandle file, fs::path path, std::string id,
+                       const BulkFileOptions& options, std::shared_ptr<int> slot)
     : path_(std::move(path)),
       id_(std::move(id)),
-      options_(options),
+      max_bytes_(options.max_bytes),
       slot_(std::move(slot)),
-      fd_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)) {
-  if (fd_ < 0) ThrowFileError(path_, errno);
-  ::flock(fd_, LOCK_EX | LOCK_NB);
-}
+      file_(std::move(file), path_.parent_path(), options.reserve_bytes) {}
 
 BulkUpload::~BulkUpload() {
   if (!kept_) ::unlink(path_.c_str());
-  ::close(fd_);
 }
 
 void BulkUpload::Append(std::string_view bytes) {
-  CheckSize(written_ + bytes.size(), options_.max_bytes);
-  if (written_ == 0 || written_ - checked_ >= kCheckEvery) {
-    RequireDiskSpace(path_.parent_path(), kCheckEvery + bytes.size(), options_.reserve_bytes);
-    checked_ = written_;
-  }
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) ThrowFileError(path_, errno);
-    bytes.remove_prefix(static_cast<std::size_t>(n));
-    written_ += static_cast<std::uint64_t>(n);
-  }
+  CheckSize(file_.size() + bytes.size(), max_bytes_);
+  file_.Append(bytes);
 }
 
 std::string_view BulkUpload::All() {

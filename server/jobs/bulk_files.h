@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 
+#include "server/http/body_file.h"
 #include "server/http/message.h"
 #include "server/jobs/job_store.h"
 
@@ -41,9 +42,9 @@ class MappedFile {
 // A body on its way from a client. Its file is removed with this, unless Keep() was called.
 class BulkUpload final : public BodySink {
  public:
-  // Holds `slot`, one of kMostUploads.
-  BulkUpload(std::filesystem::path path, std::string id, const BulkFileOptions& options,
-             std::shared_ptr<int> slot);
+  // `file`: at `path`, locked against Sweep(). Holds `slot`, one of kMostUploads.
+  BulkUpload(FileHandle file, std::filesystem::path path, std::string id,
+             const BulkFileOptions& options, std::shared_ptr<int> slot);
   ~BulkUpload() override;
 
   void Append(std::string_view bytes) override;  // throws as BulkFiles::Receive does
@@ -56,12 +57,10 @@ class BulkUpload final : public BodySink {
  private:
   const std::filesystem::path path_;
   const std::string id_;
-  const BulkFileOptions options_;
+  const std::uint64_t max_bytes_;
   const std::shared_ptr<int> slot_;
-  int fd_ = -1;  // locked against Sweep()
+  BodyFile file_;
   bool kept_ = false;
-  std::uint64_t written_ = 0;
-  std::uint64_t checked_ = 0;  // written_ when the free space was checked
   std::unique_ptr<MappedFile> mapped_;
 };
 

@@ -140,7 +140,7 @@ BulkItems::BulkItems(std::string_view body, const std::string& type, BulkDefault
       is_tar_(type == kTarType),
       items_(is_tar_ ? ReadTar(body) : ReadLines(body)) {
   if (size() == 0) {
-    throw ProblemError("missing_parameter", "The body has no images.").Parameter("body");
+    throw ProblemError("missing_parameter", "The body has no images.", {.parameter = "body"});
   }
   const bool has_folders = std::any_of(items_.begin(), items_.end(), [](const Raw& file) {
     return !SplitName(file.name).second.empty();
@@ -248,8 +248,8 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
         name != "metadata" && name != "source") {
       throw ProblemError("unknown_parameter",
                          "Unknown field '" + ToDisplayText(name.substr(0, 64)) +
-                             "'. A line takes image, image_url, id, object, metadata and source.")
-          .Parameter(ToDisplayText(name.substr(0, 64)));
+                             "'. A line takes image, image_url, id, object, metadata and source.",
+                         {.parameter = ToDisplayText(name.substr(0, 64))});
     }
   }
   const auto image = TextIn(json, "image");
@@ -257,7 +257,8 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
   item.url = TextIn(json, "image_url");
   if (image && item.url) ThrowInvalid("image_url", "image and image_url cannot be combined.");
   if (!image && !item.url) {
-    throw ProblemError("missing_parameter", "image or image_url is required.").Parameter("image");
+    throw ProblemError("missing_parameter", "image or image_url is required.",
+                       {.parameter = "image"});
   }
   if (image) {
     auto decoded = std::make_shared<std::vector<std::uint8_t>>();

@@ -9,6 +9,7 @@
 #include "descriptor/base/parallel.h"
 #include "index/import/folder_import.h"
 #include "index/json/record_json.h"
+#include "server/http/parameters.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -22,10 +23,6 @@ constexpr const char* kBulkKind = "bulk_import";
 constexpr int kTriesWhenBusy = 30;
 constexpr std::chrono::seconds kPauseWhenBusy{1};
 constexpr int kItemsAtOnce = 500;  // read back from the store
-
-[[noreturn]] void ThrowBadFolder(const std::string& why) {
-  throw ProblemError("invalid_parameter", "folder " + why).Parameter("folder");
-}
 
 ObjectFrom ObjectFromName(const std::string& name) {
   if (name == "folder") return ObjectFrom::kFolder;
@@ -196,8 +193,9 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
   const fs::path relative(name);
   if (name.empty() || name.find('\0') != std::string::npos || relative.is_absolute() ||
       std::find(relative.begin(), relative.end(), "..") != relative.end()) {
-    ThrowBadFolder(
-        "must be a path inside the import directory, without \"..\". Use \".\" for all.");
+    ThrowInvalid(
+        "folder",
+        "folder must be a path inside the import directory, without \"..\". Use \".\" for all.");
   }
   std::error_code error;
   const fs::path root = fs::canonical(directory, error);
@@ -207,7 +205,7 @@ fs::path ResolveImportFolder(const fs::path& directory, const std::string& name)
   }
   const fs::path folder = fs::canonical(root / relative, error);
   if (error || !IsInside(root, folder) || !fs::is_directory(folder, error)) {
-    ThrowBadFolder("is not a folder inside the import directory.");
+    ThrowInvalid("folder", "folder is not a folder inside the import directory.");
   }
   return folder;
 }

@@ -41,33 +41,11 @@ JobRecord ToRecord(const JobStatus& status, const std::string& owner) {
   for (const SkippedItem& item : status.skipped) {
     report["skipped"].push_back({item.item, item.code, item.reason});
   }
-  return {.id = status.id,
-          .kind = status.kind,
-          .collection = status.collection,
-          .parameters = ToText(status.parameters),
-          .state = JobStateName(status.state),
-          .done = status.done,
-          .total = status.total,
-          .failed = status.failed,
-          .attempts = status.attempts,
-          .result = status.result,
-          .report = ToText(report),
-          .created_ms = status.created_ms,
-          .finished_ms = status.finished_ms,
-          .owner = owner};
+  return {status, ToText(status.parameters), JobStateName(status.state), ToText(report), owner};
 }
 
 JobStatus FromRecord(const JobRecord& record) {
-  JobStatus status{.id = record.id,
-                   .kind = record.kind,
-                   .collection = record.collection,
-                   .done = record.done,
-                   .total = record.total,
-                   .failed = record.failed,
-                   .attempts = record.attempts,
-                   .result = record.result,
-                   .created_ms = record.created_ms,
-                   .finished_ms = record.finished_ms};
+  JobStatus status{record};
   const auto name = std::find(kStateNames.begin(), kStateNames.end(), record.state);
   if (name != kStateNames.end()) status.state = static_cast<JobState>(name - kStateNames.begin());
   const Json parameters = Json::parse(record.parameters, nullptr, /*allow_exceptions=*/false);
@@ -137,11 +115,9 @@ std::optional<JobStatus> JobStore::AddOnly(const std::string& kind, const std::s
 std::optional<JobStatus> JobStore::AddNew(const std::string& kind, const std::string& collection,
                                           const Json& parameters,
                                           const std::function<bool(const JobRecord& job)>& save) {
-  const JobStatus added{.id = RandomHex(kIdDigits),
-                        .kind = kind,
-                        .collection = collection,
-                        .parameters = parameters,
-                        .created_ms = NowMs()};
+  const JobStatus added{
+      {.id = RandomHex(kIdDigits), .kind = kind, .collection = collection, .created_ms = NowMs()},
+      parameters};
   const auto job = std::make_shared<OwnJob>(OwnJob{.status = added});
   {
     const std::lock_guard lock(mutex_);
@@ -149,7 +125,8 @@ std::optional<JobStatus> JobStore::AddNew(const std::string& kind, const std::st
       return one->status.state == JobState::kQueued;
     });
     if (static_cast<std::size_t>(queued) >= kMaxQueued) {
-      throw ProblemError("busy", "Too many jobs are waiting. Try again later.").RetryAfter(10);
+      throw ProblemError("busy", "Too many jobs are waiting. Try again later.",
+                         {.retry_after_s = 10});
     }
     own_.push_back(job);  // before its row: else JobWatcher would adopt it as an unknown one
   }

@@ -36,21 +36,11 @@ struct SkippedItem {
   std::string reason;
 };
 
-struct JobStatus {
-  std::string id;
-  std::string kind;  // "train", "activate", "import", "backup"
-  std::string collection;
+struct JobStatus : JobFields {
   Json parameters = Json::object();
   JobState state = JobState::kQueued;
-  double done = 0;  // of `total`
-  double total = 1;
-  std::uint64_t failed = 0;               // items that could not be done
-  int attempts = 0;                       // number of starts
   std::vector<SkippedItem> skipped = {};  // the first JobStore::kMaxSkipped of them
   std::optional<Problem> problem = {};    // when kFailed
-  std::string result = {};                // address of what was made; empty until kDone
-  std::int64_t created_ms = 0;
-  std::int64_t finished_ms = 0;  // 0 = not yet
 };
 
 JobRecord ToRecord(const JobStatus& status, const std::string& owner);

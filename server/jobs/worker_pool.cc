@@ -58,8 +58,8 @@ void WorkerPool::Run(Lane lane, const std::function<void(int cores)>& work) {
   std::unique_lock lock(mutex_);
   if (stopping_) throw ProblemError("stopping", "The server is stopping.");
   if (!task->background && queue(lane).size() >= static_cast<std::size_t>(options_.queue_length)) {
-    throw ProblemError("busy", "Too many requests are waiting. Try again shortly.")
-        .RetryAfter(RetryAfterSeconds());
+    throw ProblemError("busy", "Too many requests are waiting. Try again shortly.",
+                       {.retry_after_s = RetryAfterSeconds()});
   }
   queue(lane).push_back(task);
   ++callers_;
@@ -80,8 +80,8 @@ void WorkerPool::Await(std::unique_lock<std::mutex>& lock, Lane lane,
     task_changed_.wait(lock, has_begun);
   } else if (!task_changed_.wait_until(lock, Clock::now() + options_.queue_timeout, has_begun)) {
     std::erase(queue(lane), task);
-    throw ProblemError("busy", "The request waited too long for a core. Try again shortly.")
-        .RetryAfter(RetryAfterSeconds());
+    throw ProblemError("busy", "The request waited too long for a core. Try again shortly.",
+                       {.retry_after_s = RetryAfterSeconds()});
   }
   task_changed_.wait(lock, [&] { return task->state != Task::State::kRunning; });
   if (task->state == Task::State::kDropped) {

@@ -12,9 +12,7 @@ namespace {
 constexpr std::size_t kEtagDigits = 32;
 
 std::string EtagOfText(const std::string& text) {
-  const std::string hash =
-      Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-  return '"' + hash.substr(0, kEtagDigits) + '"';
+  return '"' + Sha256Hex(text).substr(0, kEtagDigits) + '"';
 }
 
 Response CachedAs(const char* cache_control, const Json& json, int status = 200) {

@@ -33,13 +33,13 @@ Pair PairOf(const Request& request, const Parameters& parameters, Fetcher& fetch
     } else if (named == nullptr) {
       throw ProblemError("missing_parameter",
                          "Two images are required: form fields 'image', or 'first' and 'second', "
-                         "each with image (base64) or image_url.")
-          .Parameter(request.is_multipart() ? "image" : kNames[i]);
+                         "each with image (base64) or image_url.",
+                         {.parameter = request.is_multipart() ? "image" : kNames[i]});
     }
   }
   if (taken < uploaded.size()) {
-    throw ProblemError("duplicate_parameter", "The request has more than two images. Send two.")
-        .Parameter("image");
+    throw ProblemError("duplicate_parameter", "The request has more than two images. Send two.",
+                       {.parameter = "image"});
   }
   // Both share one: a request that holds the first image must not wait for the second.
   std::shared_ptr<void> place;

@@ -26,8 +26,8 @@ Response Export(Service& service, const Request& request, const Parameters& para
                 const std::function<void(ImageListing&, BodyFile&)>& write) {
   const std::shared_ptr<void> turn(nullptr, [](void*) { --running; });
   if (++running > kMostAtOnce) {
-    throw ProblemError("busy", "The server is writing other exports. Try again shortly.")
-        .RetryAfter(5);
+    throw ProblemError("busy", "The server is writing other exports. Try again shortly.",
+                       {.retry_after_s = 5});
   }
   ImageListing list;
   list.which = SelectionOf(parameters, CollectionOf(service, request));

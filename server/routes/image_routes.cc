@@ -59,7 +59,7 @@ Response Add(Service& service, const Request& request, const Parameters& paramet
   add.collection = CollectionOf(service, request);
   add.id = std::move(id);
   add.object = parameters.Text("object").value_or("");
-  add.metadata = parameters.JsonObject("metadata").value_or("{}");
+  add.metadata = parameters.Text("metadata").value_or("{}");
   add.source = image.filename;
   add.bytes = image.bytes;
   const AddResult result = AddOnPool(service, add, check);
@@ -172,7 +172,7 @@ Response Thumbnail(Service& service, const Request& request, const Parameters& p
     if (!jpeg) {
       jpeg = std::make_shared<const std::string>(service.Shrink(
           service.engine().GetContent(image.collection, image.id), kThumbnailSidePx));
-      service.thumbnails.Insert(image.sha256, jpeg);
+      service.thumbnails.Add(image.sha256, jpeg);
     }
     response.content_type = "image/jpeg";
     response.body = *jpeg;

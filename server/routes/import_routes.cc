@@ -16,10 +16,11 @@ namespace {
 Response Import(Service& service, const Request& request, const Parameters& parameters) {
   const CollectionRecord collection = service.engine().GetCollection(request.captures.at("c"));
   if (request.received ? request.received->All().empty() : request.body.empty()) {
-    throw ProblemError("missing_parameter", "The body is empty. Send images.").Parameter("body");
+    throw ProblemError("missing_parameter", "The body is empty. Send images.",
+                       {.parameter = "body"});
   }
   const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
-                              .metadata = parameters.JsonObject("metadata").value_or("{}"),
+                              .metadata = parameters.Text("metadata").value_or("{}"),
                               .object_from = parameters.Text("object_from").value_or("auto")};
   if (!request.received) {  // the body waits in the database
     RequireDiskSpace(FolderOf(service.options.engine.database), request.body.size(),

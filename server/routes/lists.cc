@@ -58,8 +58,8 @@ std::string AfterFromCursor(const Parameters& parameters, const std::string& lis
 
 void ThrowInvalidCursor() {
   throw ProblemError("invalid_cursor",
-                     "Invalid cursor for this list. Start again without a cursor.")
-      .Parameter("cursor");
+                     "Invalid cursor for this list. Start again without a cursor.",
+                     {.parameter = "cursor"});
 }
 
 Parameter FilterParameter() {
@@ -117,8 +117,7 @@ std::string ListIdentity(const char* list, const Selection& which, const Paramet
         parameters.takes(name) ? parameters.Text(name) : std::optional<std::string>();
     asked.push_back(value ? Json(*value) : Json(nullptr));
   }
-  const std::string text = ToText(asked);
-  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return Sha256Hex(ToText(asked));
 }
 
 PageOptions PageOptionsOf(const Parameters& parameters, const std::string& identity) {

@@ -81,8 +81,8 @@ Response Patch(Service& service, const Request& request, const Parameters& param
   const Json patch = MergePatchOf(request, {"object"});
   const std::optional<std::string> name = TextIn(patch, "object");
   if (!name) {
-    throw ProblemError("missing_parameter", "object is required: the new name.")
-        .Parameter("object");
+    throw ProblemError("missing_parameter", "object is required: the new name.",
+                       {.parameter = "object"});
   }
   if (name->empty()) ThrowInvalid("object", "object must not be empty.");
   ObjectChange change;

@@ -33,13 +33,9 @@ std::string KeyOf(const Request& request) {
   return key;
 }
 
-std::string HashOf(std::string_view text) {
-  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
-
 std::string FingerprintOf(const Request& request) {
   std::string hashes;
-  const auto add = [&hashes](std::string_view part) { hashes += HashOf(part); };
+  const auto add = [&hashes](std::string_view part) { hashes += Sha256Hex(part); };
   add(request.method);
   add(request.path);
   for (const auto& [name, value] : request.query) {
@@ -54,7 +50,7 @@ std::string FingerprintOf(const Request& request) {
     add(part.content_type);
     add(part.content);
   }
-  return HashOf(hashes);
+  return Sha256Hex(hashes);
 }
 
 std::string Remembered(const Response& response) {
@@ -77,8 +73,8 @@ Response Replayed(const std::string& remembered) {
 
 [[noreturn]] void ThrowRunning() {
   throw ProblemError("idempotency_running",
-                     "The first request with this Idempotency-Key is still running.")
-      .RetryAfter(1);
+                     "The first request with this Idempotency-Key is still running.",
+                     {.retry_after_s = 1});
 }
 
 // Requests with a key that run in this process, by caller and key.

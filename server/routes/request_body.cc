@@ -54,7 +54,7 @@ std::vector<UploadedImage> ImageParts(const Request& request) {
 
 bool HasImage(const Request& request, const Parameters& parameters) {
   if (request.content_type == "application/json") {
-    return parameters.image_base64() != nullptr || parameters.image_url() != nullptr;
+    return parameters.Image() != nullptr;
   }
   return request.is_multipart() ? !ImageParts(request).empty() : request.has_body;
 }
@@ -64,36 +64,34 @@ UploadedImage ImageOf(const Request& request, const Parameters& parameters, Fetc
   if (!HasImage(request, parameters)) {
     throw ProblemError("missing_parameter",
                        "An image is required. Send it as the body or form field 'image', or as "
-                       "'image' (base64) or 'image_url' in JSON.")
-        .Parameter(kImagePart);
+                       "'image' (base64) or 'image_url' in JSON.",
+                       {.parameter = kImagePart});
   }
-  if (const std::string* base64 = parameters.image_base64()) {
-    return ImageOfBase64(*base64, kImagePart);
-  }
-  if (const std::string* url = parameters.image_url()) {
-    return ImageOfFetched(fetcher.Fetch(*url, whom));
+  if (const ImageText* named = parameters.Image()) {
+    return named->base64 ? ImageOfBase64(*named->base64, kImagePart)
+                         : ImageOfFetched(fetcher.Fetch(*named->url, whom));
   }
   if (!request.is_multipart()) return {AsBytes(request.body), {}, {}};
   std::vector<UploadedImage> images = ImageParts(request);
   if (images.size() > 1) {
-    throw ProblemError("duplicate_parameter", "The form has several fields 'image'. Send one.")
-        .Parameter(kImagePart);
+    throw ProblemError("duplicate_parameter", "The form has several fields 'image'. Send one.",
+                       {.parameter = kImagePart});
   }
   return std::move(images.front());
 }
 
 Json MergePatchOf(const Request& request, const std::vector<std::string>& fields) {
   if (request.body.empty()) {
-    throw ProblemError("missing_parameter", "The body must be a JSON merge patch.")
-        .Parameter("body");
+    throw ProblemError("missing_parameter", "The body must be a JSON merge patch.",
+                       {.parameter = "body"});
   }
   Json patch = ParseJsonObject(request.body, "body");
   for (const auto& [name, value] : patch.items()) {
     if (fields.empty() || std::find(fields.begin(), fields.end(), name) != fields.end()) continue;
     throw ProblemError("unknown_parameter",
                        fmt::format("'{}' cannot be changed. This route changes only: {}.",
-                                   name.substr(0, 64), fmt::join(fields, ", ")))
-        .Parameter(name.substr(0, 64));
+                                   name.substr(0, 64), fmt::join(fields, ", ")),
+                       {.parameter = name.substr(0, 64)});
   }
   return patch;
 }

@@ -183,8 +183,10 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
   return query;
 }
 
-ProblemError NoVocabulary(const std::string& why) {
-  return {"no_vocabulary", "The collection has no vocabulary yet" + why};
+ProblemError NoVocabulary(const std::string& why, int retry_after_s = 0) {
+  return {"no_vocabulary",
+          "The collection has no vocabulary yet" + why,
+          {.retry_after_s = retry_after_s}};
 }
 
 // Waits for the first vocabulary if a job trains it. Throws ProblemError "no_vocabulary".
@@ -210,8 +212,8 @@ void AwaitVocabulary(Service& service, const std::string& collection) {
   if (!job) throw NoVocabulary(" and no images. Add images: POST to " + path + "/images.");
   if (!service.jobs->WaitFor(job->id, kVocabularyWait)) {
     throw NoVocabulary(": the server is training the first vocabulary, see /v1/jobs/" + job->id +
-                       ". Search again when the job is done.")
-        .RetryAfter(5);
+                           ". Search again when the job is done.",
+                       5);
   }
 }
 
@@ -312,7 +314,7 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
     return {{"status", 200}, {"answer", SearchResultJson(found, watch.ms())}};
   } catch (...) {
     const Problem problem = CurrentProblem();
-    LogProblem(problem);
+    if (!problem.internal.empty()) spdlog::warn("{}: {}", problem.code, problem.internal);
     return {{"status", problem.status}, {"problem", ProblemSummary(problem)}};
   }
 }

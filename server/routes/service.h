@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 
+#include "descriptor/base/lru_cache.h"
 #include "index/engine/engine.h"
 #include "index/store/service_store.h"
 #include "server/decoder/decoder_pool.h"
@@ -19,7 +21,6 @@
 #include "server/jobs/training.h"
 #include "server/jobs/worker_pool.h"
 #include "server/routes/metrics.h"
-#include "server/routes/thumbnails.h"
 
 namespace pliant::server {
 
@@ -58,7 +59,7 @@ class Service {
 
   const ServiceOptions options;
   WorkerPool pool;
-  ThumbnailCache thumbnails;
+  LruCache<std::string, std::string> thumbnails{32 << 20};  // JPEG, by the original's SHA-256
   Metrics metrics;
   const Backups backups;
   const BulkFiles bulk_files;

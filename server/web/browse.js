@@ -200,6 +200,7 @@ export const objectView = {
   async show(parameters, how) {
     const number = ++latest;
     const name = parameters.get("name") ?? "";
+    if (!name) return replaceAddress(link("images", { object: "" }));  // no object has an empty name
     byId("object-back").href = link("objects");
     byId("object-title").textContent = name;
     for (const id of ["object-edit", "object-actions", "object-count"]) byId(id).replaceChildren();  // of another object

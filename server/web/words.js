@@ -6,6 +6,7 @@
 const kNotReadable = "Pliant cannot read this file as an image. Try a JPEG or PNG file.";
 const kProblems = {
   forbidden: "Your key does not allow this. Ask for a key with more access.",
+  cross_site: "The server refuses requests from this address. Ask the person who runs this server to check its proxy and --cors-origins.",
   last_admin_key: "This is the last admin key. Create another admin key first.",
   backup_not_found: "This backup no longer exists.",
   key_not_found: "This key is already revoked.",
@@ -25,7 +26,7 @@ const kProblems = {
   no_space: "The server's disk is full. Tell the person who runs this server.",
   internal: "Internal server error. The server's log has the cause.",
   stopping: "The server is stopping.",
-  starting: "The server is loading its index. Try again in a moment.",
+  starting: "The server is loading its index.",  // problemWords() adds when to try again
 };
 const kStatuses = {
   401: "This server needs a key. Enter your key under \"Key\".",

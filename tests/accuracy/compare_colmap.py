@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Asks COLMAP's vocabulary-tree retriever (Debian's package colmap) what `pliant eval retrieval` asks
-Pliant, and writes its results in the same JSON form:
+"""Gives COLMAP's vocabulary-tree retriever (Debian's package colmap) the queries of `pliant eval retrieval`,
+and writes its results in the same JSON form.
 
     tests/accuracy/compare_colmap.py DIR --pliant build/release/bin/pliant --out colmap.json
     pliant eval retrieval DIR --peers colmap.json
 
-COLMAP extracts SIFT as it does by default, trains a tree on the searched images, and ranks once by
-words alone and once with its own spatial verification of the best.
+COLMAP extracts SIFT with its defaults and trains a tree on the searched images. It ranks twice: by visual words
+only, and with its own spatial verification of the best images.
 """
 import argparse
 import contextlib
@@ -27,18 +27,18 @@ HIT = re.compile(r"image_id=\d+, image_name=([^,]+), score=")
 
 
 def run(arguments, log):
-    """Runs a command; its output, which also goes to the log."""
+    """Runs a command and logs its output. Returns its standard output."""
     environment = dict(os.environ, QT_QPA_PLATFORM="offscreen")
     done = subprocess.run(arguments, env=environment, capture_output=True, text=True, check=False)
     log.write(" ".join(arguments) + "\n" + done.stdout + done.stderr)
     if done.returncode != 0:
-        sys.exit(f"{' '.join(arguments)} ended with {done.returncode}:\n{done.stdout[-2000:]}"
+        sys.exit(f"{' '.join(arguments)} failed with exit status {done.returncode}:\n{done.stdout[-2000:]}"
                  f"{done.stderr[-2000:]}")
     return done.stdout
 
 
 def read_set(options):
-    """What is asked, from the program that will be compared."""
+    """The queries and searched images, from the program that will be compared."""
     command = [options.pliant, "eval", "retrieval", str(options.folder), "--list"]
     for folder in options.distractors:
         command += ["--distractors", str(folder)]
@@ -51,7 +51,7 @@ def read_set(options):
 
 
 def extract(images, work, options, log):
-    """Links the images under flat names and has COLMAP describe them. Names in images' order."""
+    """Links the images under flat names, and lets COLMAP describe them. Returns the names in the order of `images`."""
     folder = work / "images"
     folder.mkdir(exist_ok=True)
     names = []
@@ -62,7 +62,7 @@ def extract(images, work, options, log):
         if not link.is_symlink():
             link.symlink_to(source)
         elif link.resolve() != source:
-            sys.exit(f"{work} was made for other images ({link.name} is {link.resolve()}); give another --work")
+            sys.exit(f"{work} belongs to other images: {link.name} is {link.resolve()}. Choose another --work.")
     command = ["colmap", "feature_extractor", "--database_path", str(work / "colmap.db"),
                "--image_path", str(folder), "--SiftExtraction.use_gpu", "0",
                "--SiftExtraction.num_threads", str(options.threads)]
@@ -73,7 +73,7 @@ def extract(images, work, options, log):
 
 
 def measure(answers, images, right):
-    """The metrics of index/evaluation/retrieval_metrics.h, mean over the queries."""
+    """The metrics of index/evaluation/retrieval_metrics.h, averaged over the queries."""
     sums = {"map": 0.0, "top1": 0.0, "mrr": 0.0, "ns": 0.0}
     accuracy = [0.0] * RANKS
     for query, answer in answers.items():
@@ -95,7 +95,7 @@ def measure(answers, images, right):
 
 
 def ask(verified, names, asked, work, options, log):
-    """Each query's answer as image numbers, best first, and the seconds all queries took."""
+    """The answer of each query as image numbers, best first, and the seconds of all queries."""
     command = ["colmap", "vocab_tree_retriever", "--database_path", str(work / "colmap.db"),
                "--vocab_tree_path", str(work / "tree.bin"),
                "--database_image_list_path", str(work / "searched.txt"),
@@ -116,7 +116,7 @@ def ask(verified, names, asked, work, options, log):
         elif (hit := HIT.search(line)) is not None:
             answers[current].append(number_of[hit.group(1)])
     if sorted(answers) != asked:
-        sys.exit(f"COLMAP answered {len(answers)} of {len(asked)} queries; see the log")
+        sys.exit(f"COLMAP answered {len(answers)} of {len(asked)} queries. See --log for the reason.")
     return answers, seconds
 
 
@@ -152,21 +152,22 @@ def compare(work, options, log):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("folder", type=pathlib.Path, metavar="DIR")
-    parser.add_argument("--pliant", default="pliant", help="the program that reads the layout")
-    parser.add_argument("--layout")
-    parser.add_argument("--distractors", action="append", default=[], type=pathlib.Path)
-    parser.add_argument("--words", type=int, default=16384, help="visual words of the tree")
-    parser.add_argument("--iterations", type=int, default=11, help="of the tree's k-means")
-    parser.add_argument("--verify", type=int, default=100, help="images verified in the second row")
-    parser.add_argument("--max-keypoints", type=int, default=0, help="0 = COLMAP's own limit")
-    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--pliant", default="pliant", help="the program `pliant`, which reads the layout (default: %(default)s)")
+    parser.add_argument("--layout", help="as in pliant eval retrieval; default: detect")
+    parser.add_argument("--distractors", action="append", default=[], type=pathlib.Path, metavar="DIR",
+                        help="folder of images that show none of the objects; can be repeated")
+    parser.add_argument("--words", type=int, default=16384, help="visual words of the tree (default: %(default)s)")
+    parser.add_argument("--iterations", type=int, default=11, help="k-means iterations for the tree (default: %(default)s)")
+    parser.add_argument("--verify", type=int, default=100, help="images to verify for the second row (default: %(default)s)")
+    parser.add_argument("--max-keypoints", type=int, default=0, help="keypoints per image; 0 = COLMAP's default")
+    parser.add_argument("--threads", type=int, default=2, help="threads of COLMAP (default: %(default)s)")
     parser.add_argument("--work", type=pathlib.Path,
-                        help="folder that keeps COLMAP's features for the next run; default: none")
-    parser.add_argument("--log", type=pathlib.Path, help="what COLMAP prints")
-    parser.add_argument("--out", type=pathlib.Path, help="default: standard output")
+                        help="folder that keeps COLMAP's features for the next run; default: a temporary folder")
+    parser.add_argument("--log", type=pathlib.Path, help="file for the output of COLMAP; default: none")
+    parser.add_argument("--out", type=pathlib.Path, help="file for the results; default: standard output")
     options = parser.parse_args()
     if shutil.which("colmap") is None:
-        sys.exit("there is no program colmap; on Debian: apt-get install colmap")
+        sys.exit("COLMAP is not installed. On Debian: apt-get install colmap")
     if options.work:
         options.work.mkdir(parents=True, exist_ok=True)
     with contextlib.nullcontext(options.work) if options.work \

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures retrieval on sets of real photographs and prints one Markdown table:
+"""Measures retrieval on sets of real photos and prints one Markdown table.
 
     tests/accuracy/real_table.py --real REAL --pliant build/release/bin/pliant --cache CACHE --json real.json
 
-REAL holds one folder a set; sets that are not there are named and left out. `--model` measures other
-weights. Every query counts: those that were refused are misses, and have a column of their own.
-"Found" counts what is said to be found (probability 0.9 or more), right and wrong, as shares of the
-queries. With `--absent`, queries that show nothing of the set are asked, too, and the false alarms counted.
+REAL holds one folder per set. The program names missing sets and skips them. `--model` measures other
+weights. Every query counts: refused queries are misses, and also have a column. "Found right" and "found wrong"
+are the shares of queries whose first hit counts as found (probability 0.9 or more). `--absent` adds queries that
+show no object of the set, and counts false alarms.
 """
 import argparse
 import dataclasses
@@ -39,12 +39,12 @@ def ask(command, environment):
     """The JSON that a command prints. Exit status 3: done, but images were refused."""
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode not in (0, 3):
-        sys.exit(f"{' '.join(command)} ended with {done.returncode}")
+        sys.exit(f"{' '.join(command)} failed with exit status {done.returncode}")
     return json.loads(done.stdout)
 
 
 def measure(real_set, options):
-    """The rows of one set: the program's results with what identifies them."""
+    """The rows of one set: the program's results, with the set and its number of queries."""
     environment = dict(os.environ)
     if options.model:
         environment["PLIANT_MODEL"] = str(options.model)
@@ -78,20 +78,20 @@ def table(rows):
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--real", required=True, type=pathlib.Path, metavar="DIR", help="folder of the sets")
-    parser.add_argument("--pliant", default="pliant", metavar="BIN")
-    parser.add_argument("--descriptor", default="deal,rootsift")
-    parser.add_argument("--protocol", default="default,unverified")
-    parser.add_argument("--words", help="sizes of the vocabulary, separated by commas; default: the program's own")
-    parser.add_argument("--seeds", type=int, default=1, help="vocabularies a row")
-    parser.add_argument("--model", type=pathlib.Path, help="weights to measure; default: the program's own")
-    parser.add_argument("--cache", type=pathlib.Path, help="keeps the features for the next run, a folder a set")
+    parser.add_argument("--real", required=True, type=pathlib.Path, metavar="DIR", help="folder with one folder per set")
+    parser.add_argument("--pliant", default="pliant", metavar="BIN", help="the program `pliant` (default: %(default)s)")
+    parser.add_argument("--descriptor", default="deal,rootsift", help="comma-separated descriptors (default: %(default)s)")
+    parser.add_argument("--protocol", default="default,unverified", help="comma-separated protocols (default: %(default)s)")
+    parser.add_argument("--words", help="comma-separated sizes of the vocabulary; default: as in pliant index")
+    parser.add_argument("--seeds", type=int, default=1, help="vocabularies per row (default: %(default)s)")
+    parser.add_argument("--model", type=pathlib.Path, help="weight file to measure; default: the installed one")
+    parser.add_argument("--cache", type=pathlib.Path, help="folder that keeps the features for the next run")
     parser.add_argument("--absent", type=pathlib.Path, action="append", default=[], metavar="DIR",
-                        help="folder of further queries that show nothing of the sets; may be given more than once")
-    parser.add_argument("--jobs", type=int, default=0, help="threads; 0 = one a core")
+                        help="folder of further queries that show no object of the sets; can be repeated")
+    parser.add_argument("--jobs", type=int, default=0, help="threads; 0 = one per core")
     parser.add_argument("--set", action="append", choices=[real_set.folder for real_set in SETS],
-                        help="only these; default: all that are there")
-    parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="all figures")
+                        help="measure only this set; can be repeated; default: all sets below --real")
+    parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="file for all figures")
     return parser.parse_args()
 
 
@@ -102,13 +102,13 @@ def main():
         if options.set and real_set.folder not in options.set:
             continue
         if not (options.real / real_set.folder).is_dir():
-            print(f"left out {real_set.folder}: there is no folder {options.real / real_set.folder}", file=sys.stderr)
+            print(f"skipped {real_set.folder}: {options.real / real_set.folder} is not a folder", file=sys.stderr)
             continue
         rows += measure(real_set, options)
         if options.json:
             options.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
     if not rows:
-        sys.exit(f"none of the sets is in {options.real}")
+        sys.exit(f"{options.real} has none of the folders {', '.join(real_set.folder for real_set in SETS)}")
     print(table(rows))
 
 

@@ -41,7 +41,6 @@ struct Scene {
   GreyImage grey;
   FeatureMap map;
   std::vector<Keypoint> keypoints;
-  std::vector<float> samples;
   std::vector<float> theta;
   std::vector<float> patches;
 };
@@ -60,8 +59,7 @@ const Scene& SharedScene() {
       point.size = 2 + static_cast<float>(random() % 100) / 10;
     }
     s.map = s.network.backbone().Run(s.grey, 1);
-    s.samples = s.network.localization().Sample(s.map, s.keypoints, 1);
-    s.theta = s.network.localization().Theta(s.samples, 1);
+    s.theta = s.network.localization().Theta(s.map, s.keypoints, 1);
     s.patches = s.network.Patches(s.grey, s.keypoints, s.network.Displacements(s.theta, 1), 1, 1);
     return made;
   }();
@@ -158,25 +156,24 @@ void BmProductPeak(benchmark::State& state) {
 
 void BmBackbone(benchmark::State& state) {
   const Scene& s = SharedScene();
-  Stage(state, 2 * Backbone::MultiplyAdds(kHeight, kWidth)).Run([&] {
+  const auto pixels = [](int divisor) { return 1.0 * kHeight * kWidth / (divisor * divisor); };
+  const double stem = pixels(2) * 64 * 49;
+  const double first = pixels(4) * 6 * 64 * 64 * 9;
+  const double second = pixels(8) * (64 * 128 * 9 + 64 * 128 + 7 * 128 * 128 * 9);
+  Stage(state, 2 * (stem + first + second)).Run([&] {
     benchmark::DoNotOptimize(s.network.backbone().Run(s.grey, Threads(state)));
   });
 }
 
-void BmFeatureSampling(benchmark::State& state) {
+void BmLocalization(benchmark::State& state) {  // with the sampling of the features
   const Scene& s = SharedScene();
   const auto points = std::span(s.keypoints).first(Count(state));
-  Stage(state, 0).Run([&] {
-    benchmark::DoNotOptimize(s.network.localization().Sample(s.map, points, Threads(state)));
-  });
-}
-
-void BmMlp(benchmark::State& state) {
-  const Scene& s = SharedScene();
-  const auto samples = std::span(s.samples).first(Count(state) * kSampledValues);
-  const double flops = 2 * s.network.localization().multiply_adds();
+  double flops = 0;
+  for (const LinearLayer& layer : s.network.weights().localization) {
+    flops += 2.0 * layer.inputs * layer.outputs;
+  }
   Stage(state, flops * static_cast<double>(Count(state))).Run([&] {
-    benchmark::DoNotOptimize(s.network.localization().Theta(samples, Threads(state)));
+    benchmark::DoNotOptimize(s.network.localization().Theta(s.map, points, Threads(state)));
   });
 }
 
@@ -199,7 +196,10 @@ void BmHardNet(benchmark::State& state) {
   const Scene& s = SharedScene();
   Peak(Threads(state), true);
   const auto patches = std::span(s.patches).first(Count(state) * kPatchPixels);
-  Stage(state, 2 * HardNet::MultiplyAdds() * static_cast<double>(Count(state))).Run([&] {
+  const double body = 32.0 * 32 * 9 * (32 + 32 * 32) + 16.0 * 16 * 9 * (32 * 64 + 64 * 64) +
+                      8.0 * 8 * 9 * (64 * 128 + 128 * 128);
+  const double head = 128.0 * 128 * (6 * 3 + 4 * 3 + 2 * 3 + 1 * 2);
+  Stage(state, 2 * (body + head) * static_cast<double>(Count(state))).Run([&] {
     benchmark::DoNotOptimize(s.network.DescribePatches(patches, Threads(state)));
   });
 }
@@ -225,8 +225,7 @@ BENCHMARK(BmBackbone)
     ->Arg(2)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK(BmFeatureSampling)->Apply(EveryCount);
-BENCHMARK(BmMlp)->Apply(EveryCount);
+BENCHMARK(BmLocalization)->Apply(EveryCount);
 BENCHMARK(BmWarp)->Apply(EveryCount);
 BENCHMARK(BmPatchSampling)->Apply(EveryCount);
 BENCHMARK(BmHardNet)->Apply(EveryCount);

@@ -203,7 +203,7 @@ class Filler {
       put.features = copy.features;
       put.record.id = id;
       put.record.collection = copy.request.collection;
-      put.record.sha256 = Sha256Hex({reinterpret_cast<const std::uint8_t*>(id.data()), id.size()});
+      put.record.sha256 = Sha256Hex(id);
       put.record.media_type = "image/png";
       put.record.width = copy.features.width;
       put.record.height = copy.features.height;

@@ -55,8 +55,8 @@ HttpOptions TestOptions() {
   HttpOptions options;
   options.port = 0;
   options.threads = 2;
-  options.limits.max_header_bytes = 2048;
-  options.limits.max_body_bytes = 8192;
+  options.max_header_bytes = 2048;
+  options.max_body_bytes = 8192;
   options.allowed_origins = {"https://shop.example"};
   return options;
 }

@@ -72,7 +72,7 @@ void CheckValues(const Parameters& parameters) {
   const auto rank = parameters.Choice<int>("rank", {{"a", 1}, {"b", 2}});
   Require(!rank || *rank == 1 || *rank == 2, "a choice is one of its values");
   Require(parameters.Flag("on").has_value() == parameters.has("on"), "a flag is true or false");
-  const auto filter = parameters.JsonObject("filter");
+  const auto filter = parameters.Text("filter");
   Require(!filter || filter->starts_with('{'), "an object is one");
   const auto items = parameters.JsonList("items");
   Require(!items || items->is_array(), "a list is one");

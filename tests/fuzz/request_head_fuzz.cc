@@ -66,8 +66,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   CheckEnd(text);
   const std::size_t end = std::min(EndOfHead(text, 0), text.size());
   for (const std::string_view head : {text.substr(0, end), text}) {
-    const pliant::server::RequestHead read = pliant::server::ReadRequestHead(head);
-    if (read.fault.empty()) CheckAccepted(head, read);
+    pliant::server::RequestHead read;
+    try {
+      pliant::server::ReadRequestHead(head, read);
+      CheckAccepted(head, read);
+    } catch (const pliant::server::ProblemError&) {  // refused
+    }
   }
   return 0;
 }

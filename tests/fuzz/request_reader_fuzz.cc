@@ -30,15 +30,13 @@ struct Outcome {
   bool operator==(const Outcome&) const = default;
 };
 
-// The next request; nothing when it has not arrived as a whole.
+// The next request; nothing when it has not arrived as a whole. Throws for one that is refused.
 std::optional<Outcome> Next(RequestReader& reader, std::optional<RequestHead>& head) {
   if (!head) {
     if (!reader.ReadHead()) return std::nullopt;
     head = reader.head();
   }
-  if (reader.refusal()) return Outcome();
   if (!reader.ReadBody()) return std::nullopt;
-  if (reader.refusal()) return Outcome();
   Require(reader.body_left() == 0, "nothing of a body is left");
   Outcome outcome{true, head->target, head->fields, head->framing, reader.TakeBody()};
   Require(outcome.body.size() == reader.body_bytes(), "a body has the bytes that were counted");
@@ -56,10 +54,14 @@ std::vector<Outcome> Receive(std::string_view text, std::size_t split) {
     for (const std::string_view part : {text.substr(0, split), text.substr(split)}) {
       reader.Append(part);
       while (!refused) {
-        const auto outcome = Next(reader, head);
-        if (!outcome) break;
-        outcomes.push_back(*outcome);
-        refused = !outcome->accepted;
+        try {
+          const auto outcome = Next(reader, head);
+          if (!outcome) break;
+          outcomes.push_back(*outcome);
+        } catch (const pliant::server::ProblemError&) {
+          outcomes.emplace_back();
+          refused = true;
+        }
         reader.Forget();
         head.reset();
       }

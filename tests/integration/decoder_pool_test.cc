@@ -8,12 +8,15 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <string>
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "server/decoder/sandbox.h"
+#include "tests/support/eventually.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/image_files.h"
 
@@ -22,8 +25,10 @@ namespace {
 
 using testing::CornerImage;
 using testing::EncodeAs;
+using testing::Eventually;
 using testing::ExpectError;
 using testing::FileBytes;
+using testing::StateOf;
 using Cause = DecoderEnded::Cause;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
@@ -46,6 +51,12 @@ class DecoderPoolTest : public ::testing::Test {
     const pid_t id = pool_->WaitingIds().at(0);
     kill(id, SIGSTOP);
     return id;
+  }
+  // Waits until the main thread waits for the answer of the decoder that Stop() has stopped.
+  void AwaitImageAtDecoder() {
+    EXPECT_TRUE(Eventually([this] { return pool_->WaitingIds().empty(); }));
+    EXPECT_TRUE(
+        Eventually([] { return StateOf("/proc/self/task/" + std::to_string(getpid())) == 'S'; }));
   }
 
  private:
@@ -132,8 +143,7 @@ TEST_F(DecoderPoolTest, OneThatIsKilledMidwayIsReplaced) {
   const FileBytes file = EncodeAs(CornerImage(), ".png");
   const pid_t id = Stop();  // it takes the image and does nothing with it
   std::thread killer([&] {
-    while (!pool.WaitingIds().empty()) std::this_thread::yield();
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    AwaitImageAtDecoder();
     kill(id, SIGKILL);
   });
   EXPECT_EQ(pool.Decode(file, {}).image.width, CornerImage().cols)
@@ -147,7 +157,7 @@ TEST_F(DecoderPoolTest, ACrashIsNamed) {
   DecoderPool& pool = Pool();
   const pid_t id = Stop();
   std::thread killer([&] {
-    while (!pool.WaitingIds().empty()) std::this_thread::yield();
+    AwaitImageAtDecoder();
     kill(id, SIGSEGV);
     kill(id, SIGCONT);
   });

@@ -16,38 +16,32 @@
 
 #include "server/decoder/sandbox.h"
 #include "tests/integration/server_fixture.h"
+#include "tests/support/eventually.h"
 
 namespace pliant::testing {
 namespace {
 
 using server::kSanitized;
 using ::testing::HasSubstr;
-using ::testing::Not;
 
-constexpr std::chrono::seconds kPatience{30};
-
-std::string ContentOf(const std::string& path) {
+std::string ContentOf(const std::filesystem::path& path) {
   std::ifstream file(path);
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-std::string Proc(int id, const char* name) {
-  return ContentOf("/proc/" + std::to_string(id) + "/" + name);
-}
+std::filesystem::path ProcOf(int id) { return "/proc/" + std::to_string(id); }
+
+std::string Proc(int id, const char* name) { return ContentOf(ProcOf(id) / name); }
 
 bool Runs(int id) {
-  const std::string stat = Proc(id, "stat");
-  const std::size_t at = stat.rfind(") ");
-  return at != std::string::npos && stat[at + 2] != 'Z' && stat[at + 2] != 'X';
+  const char state = StateOf(ProcOf(id));
+  return state != '\0' && state != 'Z' && state != 'X';
 }
 
-bool Soon(const std::function<bool()>& true_then) {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  while (!true_then()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return true;
+bool IsAsleep(int id) {
+  const std::filesystem::directory_iterator threads(ProcOf(id) / "task");
+  return std::all_of(begin(threads), end(threads),
+                     [](const auto& thread) { return StateOf(thread.path()) == 'S'; });
 }
 
 class ServerDecoderTest : public ServerTest {
@@ -84,7 +78,7 @@ std::vector<std::string> AnswersOf(httplib::Client& client) {
     answers.push_back(client.Get(path + "/thumbnail")->body);
   }
   client.Post("/v1/collections/default/vocabularies", R"({"words": 20})", "application/json");
-  EXPECT_TRUE(Soon([&] {
+  EXPECT_TRUE(Eventually([&] {
     return Json::parse(client.Get("/v1/collections/default")->body)["vocabulary"].is_object();
   }));
   Json found = SearchFor(client, TestImage(2, 1, 1500, 900));
@@ -137,14 +131,14 @@ TEST_F(ServerDecoderTest, GoesOnWhenOneCrashes) {
   auto client = server_->Client();
   const int id = OnlyDecoder();
   kill(id, SIGSTOP);
-  std::string
-      state;  // "ID (NAME) T ..." once it has stopped; before that, the next signal would overtake
-  while (state.find(") T ") == std::string::npos) {
-    std::getline(std::ifstream("/proc/" + std::to_string(id) + "/stat"), state);
-  }
+  // Before it has stopped, the next signal would overtake.
+  EXPECT_TRUE(Eventually([&] { return StateOf(ProcOf(id)) == 'T'; }));
   kill(id, SIGSEGV);  // comes when it goes on
   std::thread later([&] {
-    std::this_thread::sleep_for(std::chrono::seconds(3));  // the image is at the decoder by then
+    auto watcher = server_->Client();
+    EXPECT_TRUE(Eventually([&] { return Metric(watcher, "pliant_busy_cores") > 0; }));
+    // Then all threads wait: the image is at the decoder.
+    EXPECT_TRUE(Eventually([&] { return IsAsleep(server_->id()); }));
     kill(id, SIGCONT);
   });
   const auto refused = client.Post(kImages, TestImage(1), "image/png");
@@ -176,13 +170,13 @@ TEST_F(ServerDecoderTest, NoneSurvivesTheServer) {
   const int waiting = OnlyDecoder();
   server_->Signal(SIGKILL);
   server_->Wait();
-  EXPECT_TRUE(Soon([&] { return !Runs(waiting); }));
+  EXPECT_TRUE(Eventually([&] { return !Runs(waiting); }));
   Start();
   const int busy = OnlyDecoder();
   kill(busy, SIGSTOP);  // one that does not hear that the server is gone
   server_->Signal(SIGKILL);
   server_->Wait();
-  EXPECT_TRUE(Soon([&] { return !Runs(busy); }));
+  EXPECT_TRUE(Eventually([&] { return !Runs(busy); }));
   Start();
   const int last = OnlyDecoder();
   EXPECT_EQ(server_->Stop(), 0);

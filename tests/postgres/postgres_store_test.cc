@@ -152,8 +152,8 @@ class Follower {
  public:
   explicit Follower(ChangeFeed* feed, Key vocabulary) : feed_(*feed), vocabulary_(vocabulary) {}
 
-  void Look() {
-    const std::unique_ptr<FeedView> view = feed_.Look();
+  void Poll() {
+    const std::unique_ptr<FeedView> view = feed_.Poll();
     const auto removed = view->RemovedSince(at_);
     ASSERT_TRUE(removed.has_value());
     const FeedPosition now = view->Position();
@@ -220,12 +220,12 @@ TEST_F(PostgresStoreTest, AFollowerSeesEachChangeOfManyWritersOnceAndInOrder) {
   while (working > 0 && !HasFatalFailure()) {
     if (const std::int64_t now = feed->Version(); now != version) {
       version = now;
-      follower.Look();
+      follower.Poll();
       ++looks;
     }
   }
   writers.clear();
-  follower.Look();
+  follower.Poll();
   EXPECT_EQ(follower.Ids(), AllIds());
   EXPECT_GT(looks, kRounds);
   EXPECT_THAT(store_->catalogue().Check(), ::testing::IsEmpty());
@@ -437,8 +437,7 @@ TEST_F(PostgresStoreTest, UploadsCanBeInOneFolderOfAllServers) {
   EXPECT_EQ(other->catalogue().DescribeOriginals()->files, 2U);
   EXPECT_TRUE(other->writer().Remove("default", "a", {}));
   const OriginalStore files(folder / "originals");
-  EXPECT_THAT(files.List(), ::testing::ElementsAre(
-                                Sha256Hex(Bytes(reinterpret_cast<const std::uint8_t*>("b"), 1))));
+  EXPECT_THAT(files.List(), ::testing::ElementsAre(Sha256Hex("b")));
   EXPECT_EQ(store_->writer().SweepOriginals(), 0U);
   EXPECT_THAT(store_->catalogue().Check(), ::testing::IsEmpty());
 }

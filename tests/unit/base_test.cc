@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The small tools of descriptor/base.
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/hex.h"
+#include "descriptor/base/lru_cache.h"
 #include "descriptor/base/stopwatch.h"
 #include "descriptor/base/strings.h"
 #include "descriptor/base/unix_time.h"
@@ -52,6 +54,22 @@ TEST(Hex, RandomNamesDiffer) {
   EXPECT_EQ(a.size(), 32U);
   EXPECT_TRUE(FromHex(a));
   EXPECT_NE(a, RandomHex(32));
+}
+
+TEST(LruCache, ForgetsTheLeastRecentlyUsed) {
+  LruCache<std::string, std::string> cache(10);
+  const auto four = std::make_shared<const std::string>("1234");
+  cache.Add("a", four);
+  cache.Add("b", four);
+  EXPECT_EQ(cache.Find("a"), four);
+  cache.Add("c", four);
+  EXPECT_EQ(cache.Find("a"), four);
+  EXPECT_EQ(cache.Find("b"), nullptr);
+  EXPECT_EQ(cache.Find("c"), four);
+  cache.Add("large", std::make_shared<const std::string>("12345678901"));
+  EXPECT_EQ(cache.Find("large"), nullptr);
+  cache.Add("a", four);
+  EXPECT_EQ(cache.Find("a"), four);
 }
 
 TEST(Stopwatch, LapsAddUp) {

@@ -47,10 +47,10 @@ TEST_P(DealGoldenTest, Backbone) {
 
 TEST_P(DealGoldenTest, FeatureSamplerAndLocalization) {
   const FeatureMap map = network_.backbone().Run(DealNetwork::ToImage(golden_.image), kThreads);
-  const std::vector<float> samples =
-      network_.localization().Sample(map, golden_.keypoints, kThreads);
+  std::vector<float> samples(golden_.keypoints.size() * kSampledValues);
+  LocalizationNet::Sample(map, golden_.keypoints, samples.data());
   ExpectNear(samples, golden_.tensors.Floats("sampled_features"), kTolerance, "sampled_features");
-  const std::vector<float> theta = network_.localization().Theta(samples, kThreads);
+  const std::vector<float> theta = network_.localization().Theta(map, golden_.keypoints, kThreads);
   ASSERT_EQ(theta.size(), golden_.keypoints.size() * kThetaValues);
   ExpectNear(theta, golden_.tensors.Floats("theta"), kTolerance, "theta");
 }

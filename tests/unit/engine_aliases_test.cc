@@ -41,7 +41,7 @@ TEST_F(EngineAliasesTest, AnAliasIsGoodWhereverACollectionIsNamed) {
   EXPECT_EQ(engine.GetCollection("shirts-1").images, 4u);
   EXPECT_EQ(engine.GetCollection("live").name, "shirts-1");
   EXPECT_THAT(engine.GetCollection("shirts-1").aliases, ElementsAre("live"));
-  EXPECT_FALSE(engine.HasVocabulary("live"));
+  EXPECT_FALSE(engine.GetCollection("live").vocabulary);
   TrainOptions train;
   train.collection = "live";
   train.words = 10;

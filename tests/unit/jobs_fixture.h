@@ -16,10 +16,12 @@
 #include "index/engine/engine.h"
 #include "index/store/open_store.h"
 #include "server/jobs/job_runner.h"
+#include "tests/support/eventually.h"
 #include "tests/unit/index_test_images.h"
 
 namespace pliant::server {
 
+using pliant::testing::Eventually;
 using pliant::testing::TemporaryFolder;
 using std::chrono::milliseconds;
 
@@ -33,15 +35,6 @@ inline JobKind Kind(std::function<std::string(const JobStatus&, const JobContext
 inline std::string UntilStopped(const JobStatus&, const JobContext& context) {
   while (!context.stop.stop_requested()) std::this_thread::sleep_for(milliseconds(1));
   throw Error(ErrorCode::kCancelled, "cancelled", "stopped");
-}
-
-inline bool Eventually(const std::function<bool()>& holds) {
-  const auto until = std::chrono::steady_clock::now() + kPatience;
-  while (!holds()) {
-    if (std::chrono::steady_clock::now() > until) return false;
-    std::this_thread::sleep_for(milliseconds(1));
-  }
-  return true;
 }
 
 // The jobs of a server.

@@ -111,7 +111,7 @@ class FakeFeed : public ChangeFeed {
     const std::lock_guard lock(mutex_);
     return version_;
   }
-  std::unique_ptr<FeedView> Look() override {
+  std::unique_ptr<FeedView> Poll() override {
     const std::lock_guard lock(mutex_);
     return std::make_unique<FakeView>(content_, &gate_);
   }

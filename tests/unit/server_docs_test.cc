@@ -220,7 +220,7 @@ TEST(ServerOptions, ReadsFlagsEnvironmentAndFile) {
   EXPECT_TRUE(parsed.options.keep_originals);
   EXPECT_EQ(parsed.options.http_threads, 11) << "the environment comes before the file";
   EXPECT_EQ(parsed.options.max_body_mb, 5) << "a flag comes before the file";
-  EXPECT_EQ(MakeHttpOptions(parsed.options).limits.max_body_bytes, 5U << 20);
+  EXPECT_EQ(MakeHttpOptions(parsed.options).max_body_bytes, 5U << 20);
 }
 
 TEST(ServerOptions, AnEmptyVariableIsAnEmptyValue) {

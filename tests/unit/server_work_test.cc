@@ -14,7 +14,6 @@
 
 #include "server/http/problem.h"
 #include "server/jobs/worker_pool.h"
-#include "server/routes/thumbnails.h"
 
 namespace pliant::server {
 namespace {
@@ -193,18 +192,6 @@ TEST(WorkerPool, EndDropsWhatWaitsAndWaitsForWhatRuns) {
   open.count_down();
   EXPECT_EQ(CodeOf(running), "");
   ending.get();
-}
-
-TEST(ThumbnailCache, ForgetsTheLeastRecentlyUsed) {
-  ThumbnailCache cache(10);
-  const auto four = std::make_shared<const std::string>("1234");
-  cache.Insert("a", four);
-  cache.Insert("b", four);
-  EXPECT_NE(cache.Find("a"), nullptr);
-  cache.Insert("c", four);
-  EXPECT_NE(cache.Find("a"), nullptr);
-  EXPECT_EQ(cache.Find("b"), nullptr);
-  EXPECT_NE(cache.Find("c"), nullptr);
 }
 
 }  // namespace

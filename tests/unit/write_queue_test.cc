@@ -11,10 +11,12 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "descriptor/base/error.h"
 #include "index/store/sql/access.h"
 #include "index/store/sqlite/sqlite_connection.h"
+#include "tests/support/eventually.h"
 #include "tests/unit/index_test_images.h"
 
 namespace pliant {
@@ -108,7 +110,9 @@ TEST_F(WriteQueueTest, WhatRunsAloneSeesOnlyWhatIsCommitted) {
   std::atomic<int> uncommitted{0};
   std::atomic<int> alone{0};
   for (int i = 0; i < 12; ++i) {
+    std::promise<pid_t> id;
     threads.emplace_back([&, i] {
+      id.set_value(gettid());
       if (i % 3 != 1) return queue.Run(Insert);
       queue.Run(
           [&](Connection& db) {
@@ -118,7 +122,8 @@ TEST_F(WriteQueueTest, WhatRunsAloneSeesOnlyWhatIsCommitted) {
           },
           {.alone = true});
     });
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    const std::string waiting = "/proc/self/task/" + std::to_string(id.get_future().get());
+    EXPECT_TRUE(testing::Eventually([&] { return testing::StateOf(waiting) == 'S'; }));
   }
   go.set_value();
   threads.clear();

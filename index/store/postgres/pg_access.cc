@@ -11,7 +11,6 @@
 #include "index/store/postgres/schema.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
-#include "index/store/sql/feature_cache.h"
 #include "index/store/sql/rows.h"
 
 namespace pliant::postgres {

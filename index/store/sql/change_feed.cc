@@ -96,7 +96,7 @@ class SqlFeed : public ChangeFeed {
   explicit SqlFeed(Access* access) : access_(*access) {}
 
   std::int64_t Version() override { return access_.Version(); }
-  std::unique_ptr<FeedView> Look() override {
+  std::unique_ptr<FeedView> Poll() override {
     return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_); });
   }
 

@@ -21,6 +21,7 @@
 #include <variant>
 #include <vector>
 
+#include "descriptor/base/lru_cache.h"
 #include "descriptor/image/image.h"
 #include "index/records/filter.h"
 #include "index/records/image_ref.h"
@@ -66,7 +67,11 @@ class Statement {
 };
 
 class Connection;
-class FeatureCache;
+
+// Candidate cache: encoded features of recently verified images, for databases on other machines.
+// An image's key identifies one state of it, so that entries stay valid; but a database that lost
+// commits can give their keys again, and begins a new epoch.
+using FeatureCache = LruCache<std::pair<std::uint64_t /*epoch*/, Key>, std::vector<std::uint8_t>>;
 
 using SqlValue = std::variant<std::int64_t, std::string, SqlPointer>;
 
@@ -173,7 +178,7 @@ class Connection {
   // Whether it can be used again.
   virtual bool IsGood() const { return true; }
 
-  // The cache of recently read features, for databases that need one, and its epoch (FeatureCache).
+  // For databases that need one.
   virtual FeatureCache* feature_cache() { return nullptr; }
   virtual std::uint64_t epoch() const { return 0; }
 

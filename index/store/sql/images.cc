@@ -3,6 +3,7 @@
 // Images: the catalogue, and rows for the writer.
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <utility>
 
 #include "descriptor/base/error.h"
@@ -10,7 +11,6 @@
 #include "index/files/text.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
-#include "index/store/sql/feature_cache.h"
 #include "index/store/sql/originals.h"
 #include "index/store/sql/rows.h"
 
@@ -205,16 +205,19 @@ void SelectStored(Connection& db, const std::multimap<Key, std::size_t>& keys, L
     FeatureCache* const cache = db.feature_cache();
     wanted.clear();
     for (auto& [key, image] : found) {
-      auto cached = cache == nullptr ? std::nullopt : cache->Find(key, db.epoch());
+      const auto cached = cache == nullptr ? nullptr : cache->Find({db.epoch(), key});
       if (cached) {
-        image.features = *std::move(cached);
+        image.features = *cached;
       } else {
         wanted.push_back(key);
       }
     }
     std::vector<std::vector<std::uint8_t>> read = ReadFeaturesBlobs(db, wanted);
     for (std::size_t i = 0; i < wanted.size(); ++i) {
-      if (cache != nullptr) cache->Add(wanted[i], read[i], db.epoch());
+      if (cache != nullptr) {
+        cache->Add({db.epoch(), wanted[i]},
+                   std::make_shared<const std::vector<std::uint8_t>>(read[i]));
+      }
       found[wanted[i]].features = std::move(read[i]);
     }
   }

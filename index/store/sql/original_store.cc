@@ -44,15 +44,6 @@ void MakeDirectory(const fs::path& path) {
   SyncDirectoryOf(path);
 }
 
-void WriteAll(int fd, Bytes bytes, const fs::path& path) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(fd, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) ThrowErrno("cannot write", path);
-    bytes = bytes.subspan(static_cast<std::size_t>(written));
-  }
-}
-
 }  // namespace
 
 IncomingOriginal::IncomingOriginal(const fs::path& directory, std::string sha256, Bytes bytes)
@@ -60,7 +51,10 @@ IncomingOriginal::IncomingOriginal(const fs::path& directory, std::string sha256
       file_(MakeLockedFile([&] { return directory / kIncoming / (sha256_ + "." + RandomHex(16)); },
                            0666, &path_)) {
   try {
-    WriteAll(file_.get(), bytes, path_);
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    if (const std::error_code error = WriteAt(file_.get(), 0, text)) {
+      ThrowErrno("cannot write", path_, error.value());
+    }
     if (::fsync(file_.get()) != 0) ThrowErrno("cannot flush", path_);
   } catch (...) {
     ::unlink(path_.c_str());
@@ -109,13 +103,13 @@ fs::path OriginalStore::PathOf(const std::string& sha256) const {
 std::optional<OriginalsOwner> OriginalStore::Owner() const {
   std::ifstream file(directory_ / kOwnerFile);
   if (!file) {
-    if (FilesAreUsedUp()) ThrowOutOfFiles("cannot read " + DisplayPath(directory_ / kOwnerFile));
+    if (FilesAreUsedUp()) ThrowOutOfFiles("cannot read " + (directory_ / kOwnerFile).string());
     return std::nullopt;
   }
   OriginalsOwner owner;
   if (!std::getline(file, owner.id) || !std::getline(file, owner.database) || owner.id.empty()) {
     throw Error(ErrorCode::kCorrupt, "originals_owner_invalid",
-                DisplayPath(directory_ / kOwnerFile) +
+                (directory_ / kOwnerFile).string() +
                     " does not say whose directory it is; remove it if it is this database's");
   }
   return owner;
@@ -128,8 +122,7 @@ void OriginalStore::Claim(const OriginalsOwner& owner) const {
   const std::string text = owner.id + "\n" + owner.database + "\n";
   const std::string_view parts[] = {text};
   if (const std::error_code error = ReplaceFile(file, parts)) {
-    errno = error.value();
-    ThrowErrno("cannot make", file);
+    ThrowErrno("cannot make", file, error.value());
   }
 }
 
@@ -202,7 +195,7 @@ std::optional<std::vector<std::uint8_t>> OriginalStore::Read(const std::string& 
   }
   if (Sha256Hex(bytes) != sha256) {
     throw Error(ErrorCode::kCorrupt, "original_corrupt",
-                DisplayPath(path) +
+                path.string() +
                     " does not have the hash that is its name; remove it and add the image again");
   }
   return bytes;
@@ -220,8 +213,7 @@ std::vector<std::string> OriginalStore::List() const {
       }
     }
   } catch (const fs::filesystem_error& error) {
-    errno = error.code().value();
-    ThrowErrno("cannot list", error.path1());
+    ThrowErrno("cannot list", error.path1(), error.code().value());
   }
   std::sort(hashes.begin(), hashes.end());
   return hashes;

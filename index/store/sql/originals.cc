@@ -239,7 +239,7 @@ void Originals::RequireNotForeign(Connection& db) {
   }
   if (owner && *owner != self_) {
     throw Error(ErrorCode::kConflict, "originals_foreign",
-                "the directory " + DisplayPath(store_->directory()) +
+                "the directory " + store_->directory().string() +
                     " contains the originals of the database " + owner->database +
                     "; use another directory. If that database no longer exists, or this database "
                     "was moved, first remove the file pliant-originals in the directory");
@@ -251,7 +251,7 @@ void Originals::TakeOver(Connection& db, const std::string& was) {
   const std::string sample = AnyOriginalFile(db);
   if (!sample.empty() && !store_->SizeOf(sample)) {
     throw Error(ErrorCode::kNotFound, "originals_missing",
-                "the directory " + DisplayPath(store_->directory()) +
+                "the directory " + store_->directory().string() +
                     " does not have the originals of " + std::to_string(CountOriginalFiles(db)) +
                     " images; mount it, move the files there, or name the directory that has them "
                     "with originals_dir (it was " +

@@ -113,7 +113,7 @@ class ColmapFile : public ColmapDatabase {
 
   [[noreturn]] static void ThrowExists(const fs::path& file) {
     throw Error(ErrorCode::kConflict, "file_exists",
-                DisplayPath(file) + " exists; remove it, or name a new file");
+                file.string() + " exists; remove it, or name a new file");
   }
 
  private:

@@ -71,7 +71,7 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
 
 [[noreturn]] void ThrowForeign(const fs::path& path, const std::string& why) {
   throw Error(ErrorCode::kCorrupt, "not_a_database",
-              DisplayPath(path) + " is not a Pliant database (" + why +
+              path.string() + " is not a Pliant database (" + why +
                   "); it was left untouched: name another file");
 }
 
@@ -92,9 +92,9 @@ FileState InspectDatabaseFile(const fs::path& path) {
   if (!fs::is_regular_file(status)) ThrowForeign(path, "it is no regular file");
   std::ifstream file(path, std::ios::binary);
   if (!file) {
-    if (FilesAreUsedUp()) ThrowOutOfFiles("the database " + DisplayPath(path) + " cannot be read");
+    if (FilesAreUsedUp()) ThrowOutOfFiles("the database " + path.string() + " cannot be read");
     throw Error(ErrorCode::kNotFound, "cannot_open",
-                "the database " + DisplayPath(path) + " cannot be read; check its permissions");
+                "the database " + path.string() + " cannot be read; check its permissions");
   }
   Header header{};
   file.read(reinterpret_cast<char*>(header.data()), header.size());
@@ -110,8 +110,8 @@ FileState InspectDatabaseFile(const fs::path& path) {
   const fs::path wal = path.string() + "-wal";
   if (fs::file_size(path) < expected && (!fs::exists(wal) || fs::file_size(wal) == 0)) {
     throw Error(ErrorCode::kCorrupt, "database_truncated",
-                DisplayPath(path) + " is cut short (" + std::to_string(fs::file_size(path)) +
-                    " of " + std::to_string(expected) + " bytes); restore a backup");
+                path.string() + " is cut short (" + std::to_string(fs::file_size(path)) + " of " +
+                    std::to_string(expected) + " bytes); restore a backup");
   }
   return FileState::kPliant;
 }
@@ -162,7 +162,7 @@ void CopyDatabase(SqliteConnection& source, const fs::path& target, const std::s
 void BackupDatabase(SqliteConnection& source, const fs::path& target, const std::stop_token& stop) {
   CheckParentDirectory(target);
   const Error exists(ErrorCode::kConflict, "backup_exists",
-                     DisplayPath(target) + " exists already; name a new file for the backup");
+                     target.string() + " exists already; name a new file for the backup");
   std::error_code ignored;
   if (fs::exists(fs::symlink_status(target, ignored))) {
     SyncDirectoryOf(target);  // of a backup that failed when it was all but done

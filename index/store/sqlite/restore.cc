@@ -39,7 +39,7 @@ fs::path WithSuffix(const fs::path& path, const std::string& suffix) {
 [[noreturn]] void ThrowInUse(const fs::path& database) {
   throw Error(
       ErrorCode::kUnavailable, "database_in_use",
-      "another process has " + DisplayPath(database) + " open; stop it first: nothing was changed");
+      "another process has " + database.string() + " open; stop it first: nothing was changed");
 }
 
 // Keeps every process from opening the database with SQLite, whether or not its content makes
@@ -100,7 +100,7 @@ bool IsThere(const fs::path& database) {
 [[noreturn]] void ThrowDamaged(const fs::path& backup, const std::vector<std::string>& problems) {
   const std::size_t more = problems.size() - 1;
   throw Error(ErrorCode::kCorrupt, "backup_damaged",
-              DisplayPath(backup) + " is damaged: " + problems[0] +
+              backup.string() + " is damaged: " + problems[0] +
                   (more > 0 ? " (and " + std::to_string(more) + " more)" : "") +
                   "; nothing was changed");
 }
@@ -113,7 +113,7 @@ std::uint64_t CopyAndCheck(const fs::path& backup, const fs::path& copy) {
   SqliteConnection made(copy, SqliteConnection::Mode::kReadWrite, kBusyTimeoutMs);
   const std::vector<std::string> foreign = CheckSchema(made);
   if (!foreign.empty()) ThrowDamaged(backup, foreign);
-  refusals::CheckSchemaVersion(DisplayPath(backup), made.Scalar("PRAGMA user_version"));
+  refusals::CheckSchemaVersion(backup.string(), made.Scalar("PRAGMA user_version"));
   made.database().exec("PRAGMA wal_checkpoint(TRUNCATE)");  // its log does not come along
   const std::vector<std::string> problems = CheckDatabase(made);
   if (problems.empty()) {
@@ -181,19 +181,18 @@ RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& name, bool
   RequireDatabaseFile(backup);
   const fs::path database = fs::weakly_canonical(fs::absolute(name));  // a link stays one
   if (InspectDatabaseFile(backup) != FileState::kPliant) {
-    throw Error(ErrorCode::kNotFound, "backup_not_found",
-                "there is no backup " + DisplayPath(backup));
+    throw Error(ErrorCode::kNotFound, "backup_not_found", "there is no backup " + backup.string());
   }
   CheckParentDirectory(database);
   RemoveAbandoned(database);
   std::error_code ignored;  // then they are not one file
   if (fs::equivalent(backup, database, ignored)) {
     throw Error(ErrorCode::kInvalidArgument, "same_file",
-                DisplayPath(backup) + " is the database itself; name a backup of it");
+                backup.string() + " is the database itself; name a backup of it");
   }
-  const Error exists(ErrorCode::kConflict, "database_exists",
-                     DisplayPath(database) +
-                         " exists; restore over it with replace (it is kept under another name)");
+  const Error exists(
+      ErrorCode::kConflict, "database_exists",
+      database.string() + " exists; restore over it with replace (it is kept under another name)");
   std::optional<ExclusiveHold> hold;
   if (IsThere(database)) {
     if (!replace) throw exists;
@@ -242,7 +241,7 @@ void CheckDatabaseFile(const fs::path& database) {
     if (problems.empty()) return;
     throw Error(
         ErrorCode::kCorrupt, "database_corrupt",
-        "the database " + DisplayPath(database) + " is damaged (" + problems[0] +
+        "the database " + database.string() + " is damaged (" + problems[0] +
             "); nothing was written to it. Put a backup in its place with `pliant db restore`");
   });
 }

@@ -33,7 +33,7 @@ class SqliteAccess : public Access {
  public:
   explicit SqliteAccess(const StoreOptions& options)
       : path_(options.database),
-        name_(DisplayPath(path_)),
+        name_(path_.string()),
         busy_timeout_ms_(options.busy_timeout_ms),
         reserve_bytes_(options.reserve_bytes),
         file_(FileAt(path_)),
@@ -145,7 +145,7 @@ void SqliteAccess::RequireSpace(std::uint64_t bytes, const fs::path& directory) 
   if (unknown || space.available >= bytes + reserve_bytes_) return;
   throw Error(ErrorCode::kNoSpace, "no_space",
               "only " + FormatBytes(space.available) + " are free on the disk of " +
-                  DisplayPath(where) + ", and " + FormatBytes(reserve_bytes_) +
+                  where.string() + ", and " + FormatBytes(reserve_bytes_) +
                   " are reserved for removing images; nothing was stored. Remove images, or free "
                   "some space");
 }
@@ -167,12 +167,12 @@ void RequirePliant(const fs::path& path, int busy_timeout_ms) {
   std::error_code error;
   if (fs::file_size(path, error) == 0 || error) {
     throw Error(ErrorCode::kNotFound, "database_not_found",
-                "there is no database " + DisplayPath(path));
+                "there is no database " + path.string());
   }
   SqliteConnection db(path, SqliteConnection::Mode::kReadOnly, busy_timeout_ms);
   if (db.Scalar("PRAGMA application_id") == static_cast<std::int64_t>(kApplicationId)) return;
   throw Error(ErrorCode::kCorrupt, "not_a_database",
-              DisplayPath(path) + " is not a Pliant database; it was left untouched");
+              path.string() + " is not a Pliant database; it was left untouched");
 }
 
 void RequireFile(const StoreOptions& options) {
@@ -181,7 +181,7 @@ void RequireFile(const StoreOptions& options) {
   if (InspectDatabaseFile(file) == FileState::kPliant) return;
   if (!options.create || options.read_only) {
     throw Error(ErrorCode::kNotFound, "database_not_found",
-                "there is no database " + DisplayPath(file));
+                "there is no database " + file.string());
   }
   CreateDatabase(file, options.model_of_new());
 }
@@ -200,7 +200,7 @@ std::unique_ptr<Access> OpenFileAccess(const StoreOptions& options, StorePart pa
     const auto mode =
         options.read_only ? SqliteConnection::Mode::kReadOnly : SqliteConnection::Mode::kReadWrite;
     SqliteConnection db(file, mode, options.busy_timeout_ms);
-    refusals::CheckSchemaVersion(DisplayPath(file), db.Scalar("PRAGMA user_version"));
+    refusals::CheckSchemaVersion(file.string(), db.Scalar("PRAGMA user_version"));
   });
   return std::make_unique<SqliteAccess>(options);
 }

@@ -205,7 +205,7 @@ class SqliteStatement : public Statement {
 }  // namespace
 
 void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& database) {
-  const std::string name = "the database " + DisplayPath(database);
+  const std::string name = "the database " + database.string();
   const std::string detail = std::string(" (SQLite: ") + error.what() + ")";
   const int extended = error.getExtendedErrorCode();
   const int kind = error.getErrorCode() & 0xff;
@@ -229,7 +229,7 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
                   name + " is damaged; restore a backup" + detail);
     case SQLITE_NOTADB:
       throw Error(ErrorCode::kCorrupt, "not_a_database",
-                  DisplayPath(database) + " is not a Pliant database" + detail);
+                  database.string() + " is not a Pliant database" + detail);
     case SQLITE_CANTOPEN:
       throw Error(ErrorCode::kNotFound, "cannot_open", name + " cannot be opened" + detail);
     case SQLITE_NOMEM:

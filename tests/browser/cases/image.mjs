@@ -143,6 +143,8 @@ test("an object's page: its images, its name, its end", async () => {
   await house.eventually(async () => assert.equal(await page.getByLabel("Object in x.png").inputValue(), "lamp"));
   await page.goto(`${server.address}/#/object?name=nothing`);
   await house.waitForText(page, "#object-status.error", /no object named nothing/);
+  await page.goto(`${server.address}/#/object`);
+  await house.waitForText(page, "#images-title", /^Images without a name$/);
   await house.closePage(page);
 });
 

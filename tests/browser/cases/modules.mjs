@@ -135,6 +135,14 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   }
 }));
 
+test("a problem is said once, with when to try again, and not blamed on the key", () => withModules(async (call) => {
+  const words = async (status, code, retry) => (await call("words.js", "problemWords", status, { code, detail: "Try again later." }, retry)).value;
+  assert.equal(await words(503, "starting", 5), "The server is loading its index. Try again in 5 s.");
+  assert.equal(await words(503, "busy", 2), "The server is busy. Try again in 2 s.");
+  assert.match(await words(403, "forbidden", 0), /key/);
+  assert.doesNotMatch(await words(403, "cross_site", 0), /key/);
+}));
+
 test("names are made of folders and files, and of the time where those say nothing", () => withModules(async (call) => {
   const name = async (...given) => (await call("names.js", "defaultName", ...given)).value;
   const file = (own) => ({ name: own, lastModified: 0 });

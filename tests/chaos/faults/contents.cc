@@ -40,7 +40,7 @@ std::string HashOf(const Features& features) {
   }
   const auto& bytes = features.descriptors.bytes;
   all.append(bytes.begin(), bytes.end());
-  return Sha256Hex({reinterpret_cast<const std::uint8_t*>(all.data()), all.size()}).substr(0, 16);
+  return Sha256Hex(all).substr(0, 16);
 }
 
 std::string Line(const ImageRecord& record) {
