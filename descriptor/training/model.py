@@ -45,18 +45,15 @@ class Shape:
         def extents(name: str) -> tuple[int, ...]:
             return tuple(tensors[name + ".weight"].shape)
 
-        def count(pattern: str, first: int) -> int:
-            last = first
-            while pattern.format(last) + ".weight" in tensors:
-                last += 1
-            return last - first
+        def count(start: str, end: str) -> int:
+            return sum(name.startswith(start) and name.endswith(end) for name in tensors)
 
         return Shape(
             extents("backbone.conv1")[0],
-            (count("backbone.layer1.{}.conv1", 0), count("backbone.layer2.{}.conv1", 0)),
+            (count("backbone.layer1.", ".conv1.weight"), count("backbone.layer2.", ".conv1.weight")),
             tuple(extents(f"localization.fc{i}")[0] for i in (1, 2, 3)),
-            tuple(extents(f"hardnet.conv{i + 1}")[0] for i in range(count("hardnet.conv{}", 1))),
-            tuple(extents(f"hardnet.head{i + 1}")[2:] for i in range(count("hardnet.head{}", 1))))
+            tuple(extents(f"hardnet.conv{i + 1}")[0] for i in range(count("hardnet.conv", ".weight"))),
+            tuple(extents(f"hardnet.head{i + 1}")[2:] for i in range(count("hardnet.head", ".weight"))))
 
 
 SHAPES = {"deal": Shape(), "deal-small": Shape(16, (3, 4), (256, 128, 128), (16, 32, 64, 64), ((1, 8),))}

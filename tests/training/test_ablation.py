@@ -10,7 +10,7 @@ import torch
 import planar_scenes
 from descriptor.training import ablation, geometry, runtime
 from descriptor.training.cartesian import CartesianDeal, displacement_at, turned, unit_square_grid
-from descriptor.training.model import Deal, load_model, save_model
+from descriptor.training.model import Deal, Shape, load_model, save_model
 from descriptor.training.tensor_file import TensorFileError
 from descriptor.training.validation import development_pairs
 
