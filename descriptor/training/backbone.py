@@ -34,14 +34,15 @@ class BasicBlock(nn.Module):
 
 
 class Backbone(nn.Module):
-    """[I, H, W] grey in [0, 1] -> [I, 128, ceil(H/8), ceil(W/8)]."""
+    """[I, H, W] grey in [0, 1] -> [I, 2 C, ceil(H/8), ceil(W/8)], C = channels of the first stage."""
 
-    def __init__(self):
+    def __init__(self, channels: int = 64, blocks: tuple[int, int] = (3, 4)):
         super().__init__()
-        self.conv1 = nn.Conv2d(3, 64, 7, 2, 3, bias=False)
-        self.bn1 = nn.BatchNorm2d(64)
-        self.layer1 = nn.Sequential(*(BasicBlock(64, 64) for _ in range(3)))
-        self.layer2 = nn.Sequential(BasicBlock(64, 128, 2), *(BasicBlock(128, 128) for _ in range(3)))
+        wide = 2 * channels
+        self.conv1 = nn.Conv2d(3, channels, 7, 2, 3, bias=False)
+        self.bn1 = nn.BatchNorm2d(channels)
+        self.layer1 = nn.Sequential(*(BasicBlock(channels, channels) for _ in range(blocks[0])))
+        self.layer2 = nn.Sequential(BasicBlock(channels, wide, 2), *(BasicBlock(wide, wide) for _ in range(blocks[1] - 1)))
 
     def forward(self, grey: torch.Tensor) -> torch.Tensor:
         # Three equal input channels: the slices of conv1 add up to one (a third of its work).
@@ -54,16 +55,19 @@ class Backbone(nn.Module):
 def gabor_start(backbone: Backbone) -> None:
     """A start from which the warp is learnable without ImageNet weights.
 
-    First layer: 8 orientations x 2 wavelengths x 4 phases of zero-mean Gabor filters. Residual
-    branches end in zero, and the down-sampling of layer 2 passes (x, -x): at the start the network
-    computes pooled, rectified oriented energy.
+    First layer: zero-mean Gabor filters of 4 phases, 2 wavelengths (1 below 64 channels) and as many
+    orientations as fit. Residual branches end in zero, and the down-sampling of layer 2 passes (x, -x):
+    at the start the network computes pooled, rectified oriented energy.
     """
     y, x = torch.meshgrid(torch.arange(-3.0, 4.0), torch.arange(-3.0, 4.0), indexing="ij")
+    channels = len(backbone.bn1.weight)
+    bands = ((3.5, 1.5), (6.0, 2.0)) if channels >= 64 else ((4.5, 1.7),)
+    orientations = channels // (4 * len(bands))
     filters = []
-    for wavelength, sigma in ((3.5, 1.5), (6.0, 2.0)):
+    for wavelength, sigma in bands:
         window = torch.exp(-(x * x + y * y) / (2 * sigma * sigma))
-        for orientation in range(8):
-            theta = math.pi * orientation / 8
+        for orientation in range(orientations):
+            theta = math.pi * orientation / orientations
             phase = 2 * math.pi * (x * math.cos(theta) + y * math.sin(theta)) / wavelength
             for quarter in range(4):
                 wave = window * torch.cos(phase + quarter * math.pi / 2)
@@ -73,6 +77,6 @@ def gabor_start(backbone: Backbone) -> None:
         backbone.conv1.weight.copy_(torch.stack(filters)[:, None].expand(-1, 3, -1, -1) / 3)
         for block in (*backbone.layer1, *backbone.layer2):
             block.bn2.weight.zero_()
-        identity = torch.eye(64)
+        identity = torch.eye(channels)
         backbone.layer2[0].downsample[0].weight.copy_(
             torch.cat([identity, -identity])[:, :, None, None])

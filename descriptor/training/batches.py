@@ -20,6 +20,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from .features import SceneFeatures, ViewFeatures, load_features
 from .scenes import NO_CHART, Scene
+from .teacher import Targets, Teacher
 from .warp_target import SUPERVISED_POINTS, true_warp
 
 _MIN_SPACING_PX = 3.0
@@ -54,6 +55,8 @@ class Batch:
     extra_keypoints: np.ndarray | None = None
     warp: np.ndarray | None = None       # F32 [2N + E, G, 2] true displacement in radii
     warp_known: np.ndarray | None = None  # bool [2N + E, G]
+    theta: np.ndarray | None = None      # F32 [2N + E, 66, 2] the teacher's
+    descriptors: np.ndarray | None = None  # F32 [2N, 128] the teacher's
 
 
 @dataclass
@@ -65,19 +68,23 @@ class _Draft:
     sides: tuple[list, list] = field(default_factory=lambda: ([], []))
     warps: tuple[list, list] = field(default_factory=lambda: ([], []))
     extra: list = field(default_factory=list)
+    targets: tuple[list, list] = field(default_factory=lambda: ([], []))
+    extra_targets: list = field(default_factory=list)
     surfaces: list = field(default_factory=list)
     textures: list = field(default_factory=list)
     counts: list = field(default_factory=list)
 
 
 class SceneSet:
-    """All scenes of some folders with the pairs of views that have enough correspondences."""
+    """All scenes of some folders with the pairs of views that have enough correspondences; with a
+    teacher, what it says of their keypoints."""
 
-    def __init__(self, directories: list[Path], min_pairs: int = 12):
+    def __init__(self, directories: list[Path], min_pairs: int = 12, teacher: Teacher | None = None):
         self.scenes: list[Scene] = []
         self.features: list[SceneFeatures] = []
         self.usable: list[list[tuple[int, int]]] = []
         self.texture_ids: list[np.ndarray] = []  # of each scene's charts
+        self.targets: list[list[Targets]] = []   # of each scene's views; empty without a teacher
         known: dict[str, int] = {}
         for path in (p for d in directories for p in sorted(Path(d).glob("scene_*.safetensors"))):
             scene = Scene(path)
@@ -89,6 +96,8 @@ class SceneSet:
                 self.usable.append(usable)
                 names = [known.setdefault(name, len(known)) for name in scene.textures]
                 self.texture_ids.append(np.array(names))
+                if teacher is not None:
+                    self.targets.append(teacher.targets(scene))
         if not self.scenes:
             raise ValueError(f"no usable scene_*.safetensors in {', '.join(map(str, directories))}")
 
@@ -156,7 +165,13 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
         if options.crop_px:
             draft.windows.append(corners[side])
             draft.warps[side].append(_supervision(scene, number, view, rows[kept, side], table, radius))
-            draft.extra.append(_extra(scene, number, view, corners[side], options, radius, rng))
+            more, extra = _extra(scene, number, view, corners[side], options, radius, rng)
+            draft.extra.append(extra)
+            if data.targets:
+                targets = data.targets[which][number]
+                own = rows[kept, side]
+                draft.targets[side].append((targets.theta[own], targets.descriptors[own]))
+                draft.extra_targets.append(targets.theta[more])
     charts = views[0].points.chart[rows[kept, 0]].astype(np.int64)
     draft.surfaces.append(which * NO_CHART + charts)
     draft.textures.append(data.texture_ids[which][charts])
@@ -183,7 +198,7 @@ def _extra(scene: Scene, number: int, view: ViewFeatures, corner: np.ndarray, op
     rows = np.flatnonzero(_inside(view.keypoints[:, :2], corner, options.crop_px))
     rows = rng.permutation(rows)[:options.extra_keypoints]
     table = _jittered(view.keypoints[rows], options.size_jitter, rng)
-    return (table, *_supervision(scene, number, view, rows, table, radius))
+    return rows, (table, *_supervision(scene, number, view, rows, table, radius))
 
 
 def draw_batch(data: SceneSet, options: BatchOptions, seed: int, step: int) -> Batch:
@@ -220,6 +235,10 @@ def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.rando
         batch.warp = np.concatenate([warp for warp, _ in supervised])
         batch.warp_known = np.concatenate([known for _, known in supervised])
         assert batch.warp.shape[1] == len(SUPERVISED_POINTS)
+    if draft.extra_targets:
+        pairs = [*draft.targets[0], *draft.targets[1]]
+        batch.theta = np.concatenate([*(theta for theta, _ in pairs), *draft.extra_targets]).astype(np.float32)
+        batch.descriptors = np.concatenate([rows for _, rows in pairs]).astype(np.float32)
     return batch
 
 

@@ -9,13 +9,14 @@ warp is the same field of displacements, read at the square's points.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import torch
 
 from . import geometry
-from .hardnet import HardNet
-from .model import DEFAULT_WIDTHS, Deal
+from .hardnet import CARTESIAN_HEAD
+from .model import Deal, Shape
 
 _HALF_SIDE = math.sqrt(math.pi) / 2  # radii
 
@@ -59,9 +60,9 @@ class CartesianDeal(Deal):
 
     format = "pliant-deal-cartesian"
 
-    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
-        super().__init__(widths)  # linear: the rings on which displacement_at reads
-        self.hardnet = HardNet(polar=False)
+    def __init__(self, shape: Shape = Shape()):
+        # Linear: the rings on which displacement_at reads.
+        super().__init__(dataclasses.replace(shape, head=CARTESIAN_HEAD))
         self.register_buffer("unit_square", unit_square_grid(), persistent=False)
 
     def offsets(self, keypoints: torch.Tensor, displacement: torch.Tensor | None) -> torch.Tensor:

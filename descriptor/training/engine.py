@@ -92,6 +92,9 @@ class TrainingStep:
         if stage.trains_warp:
             predicted = self.model.displacement(theta, self.points)
             truth, known = self._move(batch.warp), self._move(batch.warp_known)
+            if stage.distill:
+                truth = self.model.displacement(self._move(batch.theta), self.points)
+                known = torch.ones_like(known)
             supervised = losses.warp_loss(predicted, truth, known)
             start, end = stage.warp_weight
             loss = loss + (start + (end - start) * progress) * supervised
@@ -107,5 +110,9 @@ class TrainingStep:
                 matching = losses.info_nce(a, b, ignore, stage.temperature)
             loss = loss + matching
             figures["loss"] = matching.detach()
+            if stage.distill:
+                distilled = losses.distillation(a, b, *self._move(batch.descriptors).chunk(2), stage.temperature)
+                loss = loss + distilled
+                figures["distillation"] = distilled.detach()
             figures["positive"], figures["negative"], figures["accuracy"] = losses.separation(a, b, ignore)
         return loss, figures

@@ -10,9 +10,15 @@ from torch.nn import functional as F
 
 from .fused_norm import norm_act, wrap_rows
 
-_WIDTHS = ((1, 32, 1), (32, 32, 1), (32, 64, 2), (64, 64, 1), (64, 128, 2), (128, 128, 1))
-_POLAR_HEAD = ((1, 3), (1, 3), (1, 3), (1, 2))  # along the radius
-_CARTESIAN_HEAD = ((8, 8),)
+WIDTHS = (32, 32, 64, 64, 128, 128)             # outputs of the 3 x 3 convolutions
+POLAR_HEAD = ((1, 3), (1, 3), (1, 3), (1, 2))   # kernels along the radius
+CARTESIAN_HEAD = ((8, 8),)
+DIM = 128                                       # of a descriptor
+
+
+def strides(layers: int) -> list[int]:
+    """Of the 3 x 3 convolutions: the second and the fourth from the end halve the map, 32 -> 8."""
+    return [2 if layers - i in (2, 4) else 1 for i in range(layers)]
 
 
 def standardize(patches: torch.Tensor) -> torch.Tensor:
@@ -22,34 +28,34 @@ def standardize(patches: torch.Tensor) -> torch.Tensor:
 
 
 class HardNet(nn.Module):
-    """[N, 32, 32] patches -> [N, 128], unit length.
+    """[N, 32, 32] patches -> [N, 128], unit length. A head's kernels cover the 8 columns that are left.
 
     Polar patches: rows = angle (circular, averaged before the head), columns = radius. Otherwise
     HardNet as published, for upright patches on a regular grid.
     """
 
-    def __init__(self, dropout: float = 0.1, polar: bool = True):
+    def __init__(self, widths: tuple[int, ...] = WIDTHS, head: tuple[tuple[int, int], ...] = POLAR_HEAD,
+                 dropout: float = 0.1):
         super().__init__()
-        self.dropout, self.polar = dropout, polar
-        self.head_kernels = _POLAR_HEAD if polar else _CARTESIAN_HEAD
-        for i, (inputs, outputs, stride) in enumerate(_WIDTHS, 1):
+        self.dropout, self.polar, self.layers, self.head_layers = dropout, head[0][0] == 1, len(widths), len(head)
+        polar = self.polar
+        for i, (inputs, outputs, stride) in enumerate(zip((1, *widths), widths, strides(len(widths))), 1):
             self.add_module(f"conv{i}", nn.Conv2d(inputs, outputs, 3, stride, (0 if polar else 1, 1), bias=False))
             self.add_module(f"bn{i}", nn.BatchNorm2d(outputs, affine=False))
-        for i, kernel in enumerate(self.head_kernels, 1):
-            self.add_module(f"head{i}", nn.Conv2d(128, 128, kernel, bias=False))
-            self.add_module(f"head_bn{i}", nn.BatchNorm2d(128, affine=False))
+        for i, kernel in enumerate(head, 1):
+            self.add_module(f"head{i}", nn.Conv2d(widths[-1] if i == 1 else DIM, DIM, kernel, bias=False))
+            self.add_module(f"head_bn{i}", nn.BatchNorm2d(DIM, affine=False))
 
     def forward(self, patches: torch.Tensor) -> torch.Tensor:
         x = standardize(patches[:, None])
         x = wrap_rows(x) if self.polar else x
-        body = len(_WIDTHS)
-        for i in range(1, body + 1):
+        for i in range(1, self.layers + 1):
             # Channels-last weights keep the whole body in that layout.
             conv = self.get_submodule(f"conv{i}")
-            x = norm_act(self.get_submodule(f"bn{i}"), conv(x), wrap=self.polar and i < body)
+            x = norm_act(self.get_submodule(f"bn{i}"), conv(x), wrap=self.polar and i < self.layers)
         x = F.dropout(x, self.dropout, self.training)
         if self.polar:
             x = x.mean(2, keepdim=True)  # over the angle: rotation invariance
-        for i in range(1, len(self.head_kernels) + 1):
+        for i in range(1, self.head_layers + 1):
             x = self.get_submodule(f"head_bn{i}")(self.get_submodule(f"head{i}")(x))
         return F.normalize(x.flatten(1))

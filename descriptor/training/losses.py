@@ -34,6 +34,17 @@ def info_nce(a: torch.Tensor, b: torch.Tensor, ignore: torch.Tensor, temperature
     return 0.5 * (F.cross_entropy(logits, target) + F.cross_entropy(logits.t(), target))
 
 
+def distillation(a: torch.Tensor, b: torch.Tensor, teacher_a: torch.Tensor, teacher_b: torch.Tensor,
+                 temperature: float) -> torch.Tensor:
+    """What separates descriptors from a teacher's: 1 - cosine of each, and the Kullback-Leibler
+    divergence of what each is similar to in the batch (Hinton et al. 2015)."""
+    apart = 1 - 0.5 * ((a * teacher_a).sum(1) + (b * teacher_b).sum(1)).mean()
+    own, wanted = a @ b.t() / temperature, teacher_a @ teacher_b.t() / temperature
+    divergence = [F.kl_div(F.log_softmax(x, 1), F.log_softmax(y, 1), reduction="batchmean", log_target=True)
+                  for x, y in ((own, wanted), (own.t(), wanted.t()))]
+    return apart + 0.5 * (divergence[0] + divergence[1])
+
+
 def distances(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     return torch.sqrt((2 - 2 * a @ b.t()).clamp_min(1e-6))
 

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import copy
 import os
+from dataclasses import dataclass
+from typing import Mapping
 
 import numpy as np
 import torch
@@ -21,12 +23,40 @@ from torch.nn import functional as F
 from . import geometry, tensor_file
 from .backbone import Backbone
 from .fast_linear import linear
-from .hardnet import HardNet
+from .hardnet import POLAR_HEAD, WIDTHS, HardNet
 from .sampling import sample_features, sample_images
 
-DEFAULT_WIDTHS = (512, 256, 256)
-_SAMPLED_VALUES = 25 * 128
 _WARP_DROPOUT = 0.1
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Widths and depths of the network. The default is the paper's."""
+
+    channels: int = 64                            # of the backbone's first stage; the second has twice as many
+    blocks: tuple[int, int] = (3, 4)              # of the backbone's stages
+    hidden: tuple[int, int, int] = (512, 256, 256)  # layers of the localisation network
+    hardnet: tuple[int, ...] = WIDTHS
+    head: tuple[tuple[int, int], ...] = POLAR_HEAD
+
+    @staticmethod
+    def of(tensors: Mapping[str, np.ndarray | torch.Tensor]) -> Shape:
+        """That of a network's tensors. Raises KeyError naming a tensor that is missing."""
+        def extents(name: str) -> tuple[int, ...]:
+            return tuple(tensors[name + ".weight"].shape)
+
+        def count(start: str, end: str) -> int:
+            return sum(name.startswith(start) and name.endswith(end) for name in tensors)
+
+        return Shape(
+            extents("backbone.conv1")[0],
+            (count("backbone.layer1.", ".conv1.weight"), count("backbone.layer2.", ".conv1.weight")),
+            tuple(extents(f"localization.fc{i}")[0] for i in (1, 2, 3)),
+            tuple(extents(f"hardnet.conv{i + 1}")[0] for i in range(count("hardnet.conv", ".weight"))),
+            tuple(extents(f"hardnet.head{i + 1}")[2:] for i in range(count("hardnet.head", ".weight"))))
+
+
+SHAPES = {"deal": Shape(), "deal-small": Shape(16, (3, 4), (256, 128, 128), (16, 32, 64, 64), ((1, 8),))}
 
 
 class PreconditionedLinear(nn.Module):
@@ -69,11 +99,11 @@ def _apply_per_axis(matrix: torch.Tensor, layer: torch.Tensor) -> torch.Tensor:
 
 
 class LocalizationNet(nn.Module):
-    """Sampled features [N, 3200] -> TPS parameters theta [N, 66, 2] in (-1, 1)."""
+    """Sampled features [N, 25 C] -> TPS parameters theta [N, 66, 2] in (-1, 1)."""
 
-    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS):
+    def __init__(self, channels: int, hidden: tuple[int, int, int]):
         super().__init__()
-        sizes = (_SAMPLED_VALUES, *widths)
+        sizes = (25 * channels, *hidden)
         for i in range(3):
             self.add_module(f"fc{i + 1}", nn.Linear(sizes[i], sizes[i + 1]))
         self.fc4 = PreconditionedLinear(sizes[3])
@@ -89,11 +119,11 @@ class LocalizationNet(nn.Module):
 class Deal(nn.Module):
     format = "pliant-deal"  # of its weight files
 
-    def __init__(self, widths: tuple[int, int, int] = DEFAULT_WIDTHS, spacing: str = geometry.LINEAR):
+    def __init__(self, shape: Shape = Shape(), spacing: str = geometry.LINEAR):
         super().__init__()
-        self.backbone = Backbone()
-        self.localization = LocalizationNet(widths)
-        self.hardnet = HardNet()
+        self.backbone = Backbone(shape.channels, shape.blocks)
+        self.localization = LocalizationNet(2 * shape.channels, shape.hidden)
+        self.hardnet = HardNet(shape.hardnet, shape.head)
         self.gain = geometry.displacement_gain()
         for name in ("unit_grid", "basis", "linear_basis"):
             self.register_buffer(name, None, persistent=False)
@@ -109,13 +139,13 @@ class Deal(nn.Module):
 
     def features_at(self, images: torch.Tensor, index: torch.Tensor,
                     keypoints: torch.Tensor) -> torch.Tensor:
-        """Backbone and first spatial transformer: [N, 3200]."""
+        """Backbone and first spatial transformer: [N, 25 C]."""
         return self.sample(self.backbone(images), images.shape[1:], index, keypoints)
 
     @staticmethod
     def sample(maps: torch.Tensor, image_size: torch.Size, index: torch.Tensor,
                keypoints: torch.Tensor) -> torch.Tensor:
-        """maps [I, 128, h, w]; image pixel x lies at cell x (w - 1) / (W - 1)."""
+        """maps [I, C, h, w]; image pixel x lies at cell x (w - 1) / (W - 1)."""
         height, width = image_size
         scale = keypoints.new_tensor([(maps.shape[3] - 1) / max(width - 1, 1),
                                       (maps.shape[2] - 1) / max(height - 1, 1)])
@@ -169,7 +199,7 @@ def export_tensors(model: Deal) -> dict[str, np.ndarray]:
 
 
 def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, dict[str, str]]:
-    """Reads a safetensors file of kind's format; widths come from its shapes, the rings' spacing from
+    """Reads a safetensors file of kind's format; widths and depths come from its tensors, the rings' spacing from
     its metadata (linear where they say nothing).
 
     Raises TensorFileError naming the tensor that is missing or has the wrong shape.
@@ -177,11 +207,10 @@ def load_model(path: str | os.PathLike, kind: type[Deal] = Deal) -> tuple[Deal, 
     tensors, metadata = tensor_file.load(path)
     if metadata.get("format") != kind.format:
         raise tensor_file.TensorFileError(f"{path}: metadata 'format' is not '{kind.format}'")
-    names = [f"localization.fc{i}.weight" for i in (1, 2, 3)]
-    missing = [name for name in names if name not in tensors]
-    if missing:
-        raise tensor_file.TensorFileError(f"{path}: tensor '{missing[0]}' is missing")
-    model = kind(tuple(tensors[name].shape[0] for name in names))
+    try:
+        model = kind(Shape.of(tensors))
+    except KeyError as error:
+        raise tensor_file.TensorFileError(f"{path}: tensor {error} is missing") from error
     spacing = metadata.get("radial_spacing", geometry.LINEAR)
     if spacing not in geometry.SPACINGS:
         raise tensor_file.TensorFileError(f"{path}: metadata 'radial_spacing' is '{spacing}', not one of {geometry.SPACINGS}")

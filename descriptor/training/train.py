@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import platform
+import sys
 from pathlib import Path
 
 import torch
@@ -18,9 +19,10 @@ from . import geometry, runtime
 from .backbone import gabor_start
 from .batches import SceneSet
 from .checkpoint import read_checkpoint
-from .model import Deal, load_model
+from .model import SHAPES, Deal, Shape, load_model
 from .presets import PRESETS, preset
 from .schedule import parse_deadline
+from .teacher import Teacher
 from .trainer import Run, Trainer
 from .validation import MatchingPair, development_pairs
 
@@ -30,16 +32,17 @@ def resumed_model(run: Path) -> Deal | None:
     state = read_checkpoint(run, torch.device("cpu"))
     if state is None:
         return None
-    return Deal(tuple(len(state["model"][f"localization.fc{i}.weight"]) for i in (1, 2, 3)))
+    return Deal(Shape.of(state["model"]))
 
 
-def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing: str | None = None) -> Deal:
+def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing: str | None = None,
+                   shape: str = "deal") -> Deal:
     """Fresh weights (Gabor start for the backbone), or those of files: init gives everything,
     init_warp overrides backbone and localisation network. The rings' spacing is that of the file
     unless another one is given; fresh weights start with logarithmic rings."""
     torch.manual_seed(seed)
     if init is None and init_warp is None:
-        model = Deal(spacing=spacing or geometry.LOGARITHMIC)
+        model = Deal(SHAPES[shape], spacing or geometry.LOGARITHMIC)
         gabor_start(model.backbone)
         return model
     model, _ = load_model(init or init_warp)
@@ -54,14 +57,16 @@ def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--preset", choices=sorted(PRESETS), default="paper")
-    parser.add_argument("--stage", required=True, help="hardnet, warp or joint")
+    parser.add_argument("--stage", required=True, help="hardnet, warp, joint or distill")
+    parser.add_argument("--shape", choices=list(SHAPES), default="deal", help="of the network, without --init")
+    parser.add_argument("--teacher", type=Path, help="weights that stage distill learns from")
     parser.add_argument("--scenes", type=Path, nargs="+", required=True, help="folders of scene_*.safetensors")
     parser.add_argument("--dev", type=Path, help="folder of development scenes for validation")
     parser.add_argument("--run", type=Path, required=True, help="run folder of this stage")
     parser.add_argument("--init", type=Path, help="weights to start from")
     parser.add_argument("--init-warp", type=Path, help="backbone and localisation network to start from")
     parser.add_argument("--spacing", choices=geometry.SPACINGS,
-                        help="of the polar grid's rings; default: that of --init, without it logarithmic")
+                        help="of the polar grid's rings; default: that of --init or --teacher, else logarithmic")
     parser.add_argument("--steps", type=int, help="overrides the stage's number of steps")
     parser.add_argument("--until", help="HH:MM or HH:MM:SS UTC: schedule by the clock instead of by steps")
     parser.add_argument("--seconds", type=float, default=0, help="stop with a checkpoint after this long")
@@ -77,9 +82,15 @@ def main() -> None:
     stage = recipe.stage(arguments.stage)
     if arguments.steps is not None:
         stage = dataclasses.replace(stage, steps=arguments.steps)
+    if stage.distill != (arguments.teacher is not None):
+        sys.exit("stage distill needs --teacher, and no other stage takes it")
+    teacher = None if arguments.teacher is None else Teacher(arguments.teacher)
+    spacing = arguments.spacing
+    if spacing is None and teacher is not None and arguments.init is None:
+        spacing = teacher.model.spacing
     model = resumed_model(arguments.run) or starting_model(
-        arguments.init, arguments.init_warp, arguments.seed, arguments.spacing)
-    data = SceneSet(arguments.scenes)
+        arguments.init, arguments.init_warp, arguments.seed, spacing, arguments.shape)
+    data = SceneSet(arguments.scenes, teacher=teacher)
     print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)
 
     def development() -> list[MatchingPair]:

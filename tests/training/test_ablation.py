@@ -10,7 +10,7 @@ import torch
 import planar_scenes
 from descriptor.training import ablation, geometry, runtime
 from descriptor.training.cartesian import CartesianDeal, displacement_at, turned, unit_square_grid
-from descriptor.training.model import Deal, load_model, save_model
+from descriptor.training.model import Deal, Shape, load_model, save_model
 from descriptor.training.tensor_file import TensorFileError
 from descriptor.training.validation import development_pairs
 
@@ -28,7 +28,7 @@ class CartesianGridTest(unittest.TestCase):
     def test_per_image_turned_with_its_key_point_gives_the_same_patch(self):
         torch.manual_seed(1)
         image = torch.rand(1, 61, 61)
-        network, index = CartesianDeal((16, 16, 16)), torch.zeros(1, dtype=torch.long)
+        network, index = CartesianDeal(Shape(hidden=(16, 16, 16))), torch.zeros(1, dtype=torch.long)
         upright = network.patches(image, index, torch.tensor([[30.0, 30.0, 2.0, 20.0]]), 9.0)
         quarter = torch.rot90(image, -1, (1, 2))  # x towards y, as angles count
         again = network.patches(quarter, index, torch.tensor([[30.0, 30.0, 2.0, 110.0]]), 9.0)
@@ -39,7 +39,7 @@ class CartesianGridTest(unittest.TestCase):
     def test_a_weight_file_is_of_one_grid(self):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "square.safetensors"
-            save_model(path, CartesianDeal((16, 16, 16)), {"radius_per_size": "9"})
+            save_model(path, CartesianDeal(Shape(hidden=(16, 16, 16))), {"radius_per_size": "9"})
             with self.assertRaisesRegex(TensorFileError, "square.safetensors.*'pliant-deal'"):
                 load_model(path)
             self.assertIsInstance(load_model(path, CartesianDeal)[0], CartesianDeal)

@@ -19,7 +19,7 @@ WEIGHTS = ROOT / "descriptor/model/deal.safetensors"
 def fresh_model(seed):
     """Weights whose every part matters: a warp that is not zero, statistics that are not 0 and 1."""
     torch.manual_seed(seed)
-    network = model.Deal((48, 40, 32))
+    network = model.Deal(model.Shape(hidden=(48, 40, 32)))
     torch.nn.init.normal_(network.localization.fc4.weight, std=0.02)
     for module in network.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
@@ -64,7 +64,7 @@ class GeometryTest(unittest.TestCase):
     def test_on_logarithmic_rings_another_size_is_a_shift_along_the_radius(self):
         torch.manual_seed(3)
         image = torch.nn.functional.interpolate(torch.rand(1, 1, 12, 14), (120, 140), mode="bicubic")[0]
-        network, index = model.Deal((8, 8, 8), geometry.LOGARITHMIC), torch.zeros(2, dtype=torch.long)
+        network, index = model.Deal(model.Shape(hidden=(8, 8, 8)), geometry.LOGARITHMIC), torch.zeros(2, dtype=torch.long)
         rings = 6
         sizes = 4 * float(geometry.GRID) ** (np.array([0, rings]) / geometry.GRID)
         points = torch.tensor([[70.0, 60.0, size] for size in sizes], dtype=torch.float32)
@@ -79,7 +79,7 @@ class GeometryTest(unittest.TestCase):
         theta, points = torch.rand(2, 66, 2), torch.tensor([0, 37, 1000])
         fields = []
         for spacing in geometry.SPACINGS:
-            fields.append(model.Deal((8, 8, 8), spacing).displacement(theta, points))
+            fields.append(model.Deal(model.Shape(hidden=(8, 8, 8)), spacing).displacement(theta, points))
         torch.testing.assert_close(*fields)
 
     def test_spacing_is_one_of_two(self):

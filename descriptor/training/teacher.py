@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: The Pliant authors
+# SPDX-License-Identifier: Apache-2.0
+"""The warps and descriptors that a teacher gives a scene's keypoints, cached beside the scene file.
+
+    python3 -m descriptor.training.teacher DIR --weights descriptor/model/deal.safetensors --jobs 2
+
+A smaller network is distilled from them (stage "distill"): it sees the same keypoints under other
+light, noise and errors of size, and is to give what the teacher gives without any of these.
+"""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from . import runtime, tensor_file
+from .features import load_features
+from .model import Deal, load_model
+from .scenes import Scene
+
+_CHUNK = 256  # keypoints described at once
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Of the keypoints of one view, float16."""
+
+    theta: np.ndarray        # [N, 66, 2]
+    descriptors: np.ndarray  # [N, 128]
+
+
+class Teacher:
+    """Weights that describe scenes. Raises TensorFileError if the file is none of a network."""
+
+    def __init__(self, weights: Path):
+        self.model, metadata = load_model(weights)
+        self.radius_per_size = float(metadata["radius_per_size"])
+        self.sha256 = tensor_file.sha256(weights)
+
+    @torch.no_grad()
+    def describe(self, image: np.ndarray, keypoints: np.ndarray) -> Targets:
+        model: Deal = self.model
+        grey = torch.from_numpy(np.array(image)).float().div_(255)[None]
+        points = torch.from_numpy(np.array(keypoints))
+        index = torch.zeros(len(points), dtype=torch.long)
+        maps = model.backbone(grey)
+        thetas, descriptors = [torch.zeros(0, 66, 2)], [torch.zeros(0, 128)]
+        for start in range(0, len(points), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            theta = model.localization(model.sample(maps, grey.shape[1:], index[part], points[part]))
+            patches = model.patches(grey, index[part], points[part], self.radius_per_size, model.displacement(theta))
+            thetas.append(theta)
+            descriptors.append(model.hardnet(patches))
+        return Targets(torch.cat(thetas).half().numpy(), torch.cat(descriptors).half().numpy())
+
+    def targets(self, scene: Scene) -> list[Targets]:
+        """Of each view; from the cache if it is of these weights and this scene file, else computed (and cached)."""
+        path = scene.path.with_suffix(".teacher")
+        stamp = {"weights": self.sha256, "scene_bytes": str(scene.path.stat().st_size)}
+        if path.exists():
+            tensors, metadata = tensor_file.load(path)
+            if metadata == stamp:
+                return [Targets(tensors[f"theta{v}"], tensors[f"descriptors{v}"]) for v in range(scene.views)]
+        found = load_features(scene)
+        views = [self.describe(scene.images[v], view.keypoints) for v, view in enumerate(found.views)]
+        tensors = {f"theta{v}": view.theta for v, view in enumerate(views)}
+        tensors |= {f"descriptors{v}": view.descriptors for v, view in enumerate(views)}
+        tensor_file.save(path, tensors, stamp)
+        return views
+
+
+def _prepare(path: Path, weights: Path) -> int:
+    runtime.configure(1)
+    return sum(len(view.descriptors) for view in Teacher(weights).targets(Scene(path)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("directory", type=Path)
+    parser.add_argument("--weights", type=Path, required=True)
+    parser.add_argument("--jobs", type=int, default=1)
+    arguments = parser.parse_args()
+    paths = sorted(arguments.directory.glob("scene_*.safetensors"))
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        counts = list(pool.map(_prepare, paths, [arguments.weights] * len(paths)))
+    print(f"{len(paths)} scenes, {sum(counts)} keypoints")
+
+
+if __name__ == "__main__":
+    main()
