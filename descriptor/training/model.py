@@ -23,10 +23,11 @@ from torch.nn import functional as F
 from . import geometry, tensor_file
 from .backbone import Backbone
 from .fast_linear import linear
-from .hardnet import POLAR_HEAD, WIDTHS, HardNet
+from .hardnet import DIM, POLAR_HEAD, WIDTHS, HardNet
 from .sampling import sample_features, sample_images
 
 _WARP_DROPOUT = 0.1
+_PART = 256  # keypoints described at once
 
 
 @dataclass(frozen=True)
@@ -168,6 +169,19 @@ class Deal(nn.Module):
         radius = (keypoints[:, 2] * radius_per_size)[:, None, None]
         grid = keypoints[:, None, :2] + radius * self.offsets(keypoints, displacement)
         return sample_images(images, index, grid).view(-1, geometry.GRID, geometry.GRID)
+
+    @torch.no_grad()
+    def describe(self, grey: torch.Tensor, keypoints: torch.Tensor, radius_per_size: float,
+                 warp: bool = True) -> tuple[torch.Tensor | None, torch.Tensor]:
+        """theta (None without the warp) and descriptors [N, 128] of one image [H, W], in parts to save memory."""
+        images, index = grey[None], torch.zeros(len(keypoints), dtype=torch.long, device=grey.device)
+        theta = self.localization(self.features_at(images, index, keypoints)) if warp else None
+        rows = [torch.zeros(0, DIM, device=grey.device)]
+        for start in range(0, len(keypoints), _PART):
+            part = slice(start, start + _PART)
+            displacement = None if theta is None else self.displacement(theta[part])
+            rows.append(self.hardnet(self.patches(images, index[part], keypoints[part], radius_per_size, displacement)))
+        return theta, torch.cat(rows)
 
     def forward(self, images: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
                 radius_per_size: float, warp: bool = True) -> torch.Tensor:

@@ -20,10 +20,8 @@ import torch
 
 from . import runtime, tensor_file
 from .features import load_features
-from .model import Deal, load_model
+from .model import load_model
 from .scenes import Scene
-
-_CHUNK = 256  # keypoints described at once
 
 
 @dataclass(frozen=True)
@@ -42,21 +40,10 @@ class Teacher:
         self.radius_per_size = float(metadata["radius_per_size"])
         self.sha256 = tensor_file.sha256(weights)
 
-    @torch.no_grad()
     def describe(self, image: np.ndarray, keypoints: np.ndarray) -> Targets:
-        model: Deal = self.model
-        grey = torch.from_numpy(np.array(image)).float().div_(255)[None]
-        points = torch.from_numpy(np.array(keypoints))
-        index = torch.zeros(len(points), dtype=torch.long)
-        maps = model.backbone(grey)
-        thetas, descriptors = [torch.zeros(0, 66, 2)], [torch.zeros(0, 128)]
-        for start in range(0, len(points), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            theta = model.localization(model.sample(maps, grey.shape[1:], index[part], points[part]))
-            patches = model.patches(grey, index[part], points[part], self.radius_per_size, model.displacement(theta))
-            thetas.append(theta)
-            descriptors.append(model.hardnet(patches))
-        return Targets(torch.cat(thetas).half().numpy(), torch.cat(descriptors).half().numpy())
+        grey = torch.from_numpy(np.array(image)).float().div_(255)
+        theta, rows = self.model.describe(grey, torch.from_numpy(np.array(keypoints)), self.radius_per_size)
+        return Targets(theta.half().numpy(), rows.half().numpy())
 
     def targets(self, scene: Scene) -> list[Targets]:
         """Of each view; from the cache if it is of these weights and this scene file, else computed (and cached)."""

@@ -119,24 +119,14 @@ def sift_describer(root: bool) -> Describe:
     return describe
 
 
-def deal_describer(model: Deal, radius_per_size: float, warp: bool, device: torch.device,
-                   chunk: int = 256) -> Describe:
+def deal_describer(model: Deal, radius_per_size: float, warp: bool, device: torch.device) -> Describe:
     """Descriptors of a model in evaluation mode; its training modes are restored after each call."""
-    @torch.no_grad()
     def describe(image: np.ndarray, table: np.ndarray) -> np.ndarray:
         modes = [(module, module.training) for module in model.modules()]
         model.eval()
-        image = torch.from_numpy(np.array(image)).to(device).float().div_(255)[None]
-        points = torch.from_numpy(table[:, :4].copy()).to(device)
-        index = torch.zeros(len(points), dtype=torch.long, device=device)
-        displacement = None
-        if warp:
-            displacement = model.displacement(model.localization(model.features_at(image, index, points)))
-        parts = [slice(i, i + chunk) for i in range(0, len(points), chunk)]
-        out = [model.hardnet(model.patches(image, index[part], points[part], radius_per_size,
-                                           None if displacement is None else displacement[part]))
-               for part in parts]
+        grey = torch.from_numpy(np.array(image)).to(device).float().div_(255)
+        _, rows = model.describe(grey, torch.from_numpy(table[:, :4].copy()).to(device), radius_per_size, warp)
         for module, mode in modes:
             module.training = mode
-        return torch.cat(out).cpu().numpy()
+        return rows.cpu().numpy()
     return describe

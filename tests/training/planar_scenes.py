@@ -3,6 +3,7 @@
 """Small scene files with known geometry: a textured plane seen through homographies."""
 
 import json
+import tempfile
 from pathlib import Path
 
 import cv2
@@ -60,6 +61,14 @@ def write_scene(path, seed, views=3):
         "grid_xy": np.stack(grids), "grid_size": np.array([[1.0, 1.0]], np.float32),
     }, {"textures": json.dumps([f"drawn-{seed}"]), "seed": str(seed)})
     return matrices
+
+
+def folder_of_scenes(case, count):
+    """A folder for a test class that goes with it, with scenes in its folder "scenes"."""
+    folder = tempfile.TemporaryDirectory()
+    case.addClassCleanup(folder.cleanup)
+    write_scenes(Path(folder.name) / "scenes", count)
+    return Path(folder.name)
 
 
 def write_scenes(directory, count):

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 import dataclasses
-import tempfile
 import unittest
 from pathlib import Path
 
@@ -51,11 +50,8 @@ class LossTest(unittest.TestCase):
 class DistillationTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.addClassCleanup(cls.folder.cleanup)
-        cls.root = Path(cls.folder.name)
         cls.device = runtime.configure(1)
-        planar_scenes.write_scenes(cls.root / "scenes", 3)
+        cls.root = planar_scenes.folder_of_scenes(cls, 3)
         cls.teacher = Teacher(WEIGHTS)
         cls.data = SceneSet([cls.root / "scenes"], min_pairs=8, teacher=cls.teacher)
 

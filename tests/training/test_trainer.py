@@ -1,9 +1,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 import dataclasses
-import tempfile
 import unittest
-from pathlib import Path
 
 import torch
 
@@ -20,11 +18,8 @@ from descriptor.training.validation import development_pairs
 class TrainerTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.addClassCleanup(cls.folder.cleanup)
-        cls.root = Path(cls.folder.name)
         cls.device = runtime.configure(1)
-        planar_scenes.write_scenes(cls.root / "scenes", 4)
+        cls.root = planar_scenes.folder_of_scenes(cls, 4)
         cls.data = SceneSet([cls.root / "scenes"], min_pairs=8)
         cls.pairs = development_pairs(cls.root / "scenes", 2, 64)
 
