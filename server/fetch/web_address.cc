@@ -150,7 +150,7 @@ WebAddress::WebAddress(Parts parts, const std::string& text) : parts_(std::move(
   if (text.size() > kMostBytes) ThrowInvalid("must have at most 2048 bytes.");
   if (HasControlCharacter(text)) ThrowInvalid("must not contain control characters.");
   const CURLUcode code = curl_url_set(parts_.get(), CURLUPART_URL, text.c_str(),
-                                      CURLU_URLENCODE | CURLU_DISALLOW_USER);
+                                      CURLU_URLENCODE | CURLU_ALLOW_SPACE | CURLU_DISALLOW_USER);
   if (code == CURLUE_USER_NOT_ALLOWED) ThrowInvalid("must not contain a user name.");
   if (code != CURLUE_OK) {
     ThrowInvalid("must be a URL like https://images.example.org/mug.jpg.");

@@ -4,14 +4,14 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/capability.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 namespace pliant::testing {
 namespace {
-
-constexpr int kNobody = 65534;
 
 std::string ReadText(const std::filesystem::path& path) {
   const std::vector<std::uint8_t> bytes = ReadBytes(path);
@@ -33,8 +33,7 @@ std::string ReadText(const std::filesystem::path& path) {
     const rlimit limit{limits.max_open_files, limits.max_open_files};
     ::setrlimit(RLIMIT_NOFILE, &limit);
   }
-  if (limits.unprivileged && ::getuid() == 0 &&
-      (::setgid(kNobody) != 0 || ::setuid(kNobody) != 0)) {
+  if (limits.unprivileged && ::getuid() == 0 && ::prctl(PR_CAPBSET_DROP, CAP_SYS_RESOURCE) != 0) {
     ::_exit(126);
   }
   ::execv(path, arguments);

@@ -28,8 +28,10 @@ if PGPASSWORD=its psql -qAtX -h 127.0.0.1 -U pliant pliant -c 'SELECT 1' 2>/dev/
 as_user=()
 if [ "$(id -u)" -eq 0 ]; then as_user=(--reuid="$(stat -c %u "$home/data")" --regid="$(stat -c %g "$home/data")" --clear-groups); fi
 run_standby() {  # PASSWORD
-  setpriv "${as_user[@]}" --pdeathsig INT env PGHOST=127.0.0.1 PGPASSWORD="$1" PGDATA="$home/standby" bash "$scripts/standby.sh" \
-    postgres -c cluster_name=standby -c listen_addresses= -c "unix_socket_directories=$home" -p $((PGPORT + 1)) >"$home/standby.log" 2>&1
+  # As its text: the database's user may not be able to read this folder.
+  setpriv "${as_user[@]}" --pdeathsig INT env PGHOST=127.0.0.1 PGPASSWORD="$1" PGDATA="$home/standby" \
+    bash -c "$(cat "$scripts/standby.sh")" standby.sh postgres -c cluster_name=standby -c listen_addresses= \
+    -c "unix_socket_directories=$home" -p $((PGPORT + 1)) >"$home/standby.log" 2>&1
 }
 if run_standby wrong; then fail "the primary is copied without its password"; fi
 [ ! -e "$home/standby" ] || fail "half a copy looks like a standby"
