@@ -211,21 +211,18 @@ TEST_F(SurvivalTest, AReadOnlyDatabaseAnswersAndRefuses) {
   ASSERT_EQ(RunProgram(IndexArguments("p")).status, 0);
   WriteImages("more", 900, 1);
   WriteBytes(folder_ / "q.png", OtherViewPng(803));
-  const std::filesystem::path pliant = folder_ / "pliant";  // where anybody may run it
-  std::filesystem::copy_file(PliantPath(), pliant);
   namespace fs = std::filesystem;
   const auto protect = [&](fs::perms folder) {
     fs::permissions(db_, fs::perms(0444));
     fs::permissions(folder_.path(), folder);
   };
   protect(fs::perms(0555));
-  const ProgramLimits limits{0, true};
+  const ProgramLimits limits{.unprivileged = true};
   const ProgramResult found =
-      Program({"query", (folder_ / "q.png").string(), "--db", db_, "--json"}, limits, pliant)
-          .Wait();
+      RunProgram({"query", (folder_ / "q.png").string(), "--db", db_, "--json"}, limits);
   EXPECT_EQ(found.status, 0) << found.err;
   EXPECT_EQ(found.json()["hits"][0]["object"], "3");
-  const ProgramResult refused = Program(IndexArguments("more"), limits, pliant).Wait();
+  const ProgramResult refused = RunProgram(IndexArguments("more"), limits);
   EXPECT_EQ(refused.status, 1) << refused.out;
   EXPECT_EQ(refused.json()["error"]["code"], "read_only") << refused.err;
   fs::permissions(folder_.path(), fs::perms(0755));

@@ -33,8 +33,10 @@ std::string ReadText(const std::filesystem::path& path) {
     const rlimit limit{limits.max_open_files, limits.max_open_files};
     ::setrlimit(RLIMIT_NOFILE, &limit);
   }
-  if (limits.unprivileged && ::getuid() == 0 && ::prctl(PR_CAPBSET_DROP, CAP_SYS_RESOURCE) != 0) {
-    ::_exit(126);
+  if (limits.unprivileged && ::getuid() == 0) {
+    for (const int capability : {CAP_SYS_RESOURCE, CAP_DAC_OVERRIDE}) {
+      if (::prctl(PR_CAPBSET_DROP, capability) != 0) ::_exit(126);
+    }
   }
   ::execv(path, arguments);
   ::_exit(127);

@@ -25,7 +25,7 @@ struct ProgramResult {
 
 struct ProgramLimits {
   std::uint64_t max_file_bytes = 0;  // RLIMIT_FSIZE; 0 = none
-  bool unprivileged = false;         // may not raise limits, as root may
+  bool unprivileged = false;         // without root's rights to raise limits and to write anywhere
   std::uint64_t max_open_files = 0;  // RLIMIT_NOFILE; 0 = as usual
 };
 
