@@ -7,31 +7,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 namespace pliant::deal {
-
-// The maps that a stride-1 layer reads and writes, for the patches that go through it together.
-struct HardNet::Maps {
-  int side;
-  int channels;
-  std::size_t patches;
-
-  constexpr std::size_t row() const { return static_cast<std::size_t>(side * channels); }
-  constexpr std::size_t size() const { return static_cast<std::size_t>(side) * row(); }
-  // Rows of a polar patch are angles, which close to a circle: the row above the first is the last.
-  // A map with the wrapped row above it, which is all that a stride-2 layer needs.
-  constexpr std::size_t wrapped_size() const { return size() + row(); }
-  constexpr std::size_t tiles() const {
-    return static_cast<std::size_t>((side / kTileSide) * (side / kTileSide));
-  }
-  // Of one patch in a plane.
-  constexpr std::size_t tile_values() const { return tiles() * static_cast<std::size_t>(channels); }
-  // One row more than the tiles need: planes a power of two apart would all fall into the same set
-  // of the cache, which halves the speed of the transforms.
-  constexpr std::size_t plane_rows() const { return tiles() * patches + 1; }
-  constexpr std::size_t plane() const { return plane_rows() * static_cast<std::size_t>(channels); }
-};
 
 namespace {
 
@@ -47,21 +26,21 @@ constexpr double kG[6][3] = {{1.0 / 4, 0, 0},
 using dnnl::memory;
 using Tag = memory::format_tag;
 
-// Patches that go through layers 1 to 5 together: their planes and maps stay in a core's cache.
+// Patches that go through all layers but the last together: their maps stay in a core's cache.
 constexpr std::size_t kGroup = 4;
 static_assert(HardNet::kBatch % kGroup == 0);
 
-constexpr HardNet::Maps kMaps2{32, 32, 1};
-constexpr HardNet::Maps kMaps4{16, 64, kGroup};
-constexpr HardNet::Maps kMaps6{8, 128, HardNet::kBatch};
-
-ProductPrimitive PlaneProduct(const ConvLayer& layer, const HardNet::Maps& maps) {
-  const ProductPrimitive::Shape shape = {kTilePlanes, static_cast<int>(maps.plane_rows()),
-                                         layer.inputs, layer.outputs};
-  return {shape, WinogradWeights(layer), /*transposed=*/false, {}, Activation::kNone};
+std::size_t MapSize(int side, int channels) {
+  return static_cast<std::size_t>(side * side) * static_cast<std::size_t>(channels);
 }
 
-// Layers 3 and 5: 3 x 3, stride 2, on maps with one wrapped row above.
+// Rows of a polar patch are angles, which close to a circle: the row above the first is the last.
+// A map with the wrapped row above it, which is all that a stride-2 layer needs.
+std::size_t WrappedSize(int side, int channels) {
+  return MapSize(side, channels) + static_cast<std::size_t>(side * channels);
+}
+
+// 3 x 3, stride 2, on maps with one wrapped row above.
 ConvPrimitive StridedConv(const ConvLayer& layer, int side) {
   const auto group = static_cast<memory::dim>(kGroup);
   ConvOptions options;
@@ -71,7 +50,7 @@ ConvPrimitive StridedConv(const ConvLayer& layer, int side) {
           DenseDesc({group, layer.outputs, side / 2, side / 2}, Tag::nhwc), options};
 }
 
-ProductPrimitive HeadProduct(const std::array<ConvLayer, 4>& head) {
+ProductPrimitive HeadProduct(const std::vector<ConvLayer>& head) {
   const AffineMap map = FuseHead(head);
   return {{0, static_cast<int>(HardNet::kBatch), map.inputs, map.outputs},
           map.weight,
@@ -91,6 +70,34 @@ std::vector<float> TapsFirst(const ConvLayer& layer) {
 }
 
 }  // namespace
+
+// A stride-1 layer, and the stride-2 layer after it (none after the last).
+struct HardNet::Stage {
+  Stage(const ConvLayer& layer, int map_side, const ConvLayer* strided)
+      : side(map_side),
+        inputs(layer.inputs),
+        outputs(layer.outputs),
+        bias(layer.bias),
+        product({kTilePlanes, static_cast<int>(plane_rows()), inputs, outputs},
+                WinogradWeights(layer), /*transposed=*/false, {}, Activation::kNone) {
+    if (strided != nullptr) halve.emplace(StridedConv(*strided, side));
+  }
+
+  std::size_t tiles() const { return MapSize(side / kTileSide, 1); }
+  // Patches that go through the product together: of half the side, four times as many.
+  std::size_t patches() const { return kBatch * 4 / tiles(); }
+  // One row more than the tiles need: planes a power of two apart would all fall into the same set
+  // of the cache, which halves the speed of the transforms.
+  std::size_t plane_rows() const { return tiles() * patches() + 1; }
+  std::size_t plane(int channels) const {
+    return plane_rows() * static_cast<std::size_t>(channels);
+  }
+
+  int side, inputs, outputs;
+  std::vector<float> bias;
+  ProductPrimitive product;
+  std::optional<ConvPrimitive> halve;
+};
 
 std::vector<float> WinogradWeights(const ConvLayer& layer) {
   const auto outputs = static_cast<std::size_t>(layer.outputs);
@@ -116,7 +123,7 @@ std::vector<float> WinogradWeights(const ConvLayer& layer) {
 // The head has no activation between its layers, and affine maps make one affine map. From the last
 // layer back: with y = R x + b so far and x = w * u + a below it, the window of
 // column j takes taps j .. j + kernel - 1 of u.
-AffineMap FuseHead(const std::array<ConvLayer, 4>& head) {
+AffineMap FuseHead(const std::vector<ConvLayer>& head) {
   const auto outputs = static_cast<std::size_t>(head.back().outputs);
   std::size_t columns = 1;
   std::size_t channels = outputs;
@@ -160,93 +167,117 @@ void NormalizeLength(float* row) {
 HardNet::HardNet(const DealWeights& weights) : HardNet(weights, ScopedPrimitiveThreads(1)) {}
 
 HardNet::HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& /*one*/)
-    : weight1_(TapsFirst(weights.hardnet[0])),
-      bias1_(weights.hardnet[0].bias),
-      bias2_(weights.hardnet[1].bias),
-      bias4_(weights.hardnet[3].bias),
-      bias6_(weights.hardnet[5].bias),
-      product2_(PlaneProduct(weights.hardnet[1], kMaps2)),
-      conv3_(StridedConv(weights.hardnet[2], kMaps2.side)),
-      product4_(PlaneProduct(weights.hardnet[3], kMaps4)),
-      conv5_(StridedConv(weights.hardnet[4], kMaps4.side)),
-      product6_(PlaneProduct(weights.hardnet[5], kMaps6)),
-      head_(HeadProduct(weights.head)) {}
+    : first_channels_(weights.hardnet[0].outputs),
+      first_stride_(weights.hardnet[0].stride),
+      first_weight_(TapsFirst(weights.hardnet[0])),
+      first_bias_(weights.hardnet[0].bias),
+      head_(HeadProduct(weights.head)) {
+  int side = kPatchSide / first_stride_;
+  for (std::size_t i = 1; i < weights.hardnet.size(); i += 2, side /= 2) {
+    const bool last = i + 1 == weights.hardnet.size();
+    stages_.emplace_back(weights.hardnet[i], side, last ? nullptr : &weights.hardnet[i + 1]);
+  }
+}
+
+HardNet::~HardNet() = default;
 
 std::size_t HardNet::scratch_bytes() const {
-  return std::max({product2_.scratch_bytes(), conv3_.scratch_bytes(), product4_.scratch_bytes(),
-                   conv5_.scratch_bytes(), product6_.scratch_bytes(), head_.scratch_bytes()});
+  std::size_t bytes = head_.scratch_bytes();
+  for (const Stage& stage : stages_) {
+    bytes = std::max(bytes, stage.product.scratch_bytes());
+    if (stage.halve) bytes = std::max(bytes, stage.halve->scratch_bytes());
+  }
+  return bytes;
 }
 
 HardNet::Worker::Worker(const HardNet& net)
     : net_(net),
       framed_(kFramedPixels),
-      map1_(kMaps2.size()),
-      map2_(kGroup * kMaps2.wrapped_size()),
-      map3_(kGroup * kMaps4.size()),
-      map4_(kGroup * kMaps4.wrapped_size()),
-      map5_(kBatch * kMaps6.size()),
-      pooled_(kBatch * kMaps6.row()),
       scratch_(net.scratch_bytes() / sizeof(float) + 1),
-      tiles_(kTilePlanes * std::max({kMaps2.plane(), kMaps4.plane(), kMaps6.plane()})),
-      products_(tiles_.size()),
-      result_(kBatch * kDescriptorDim) {}
+      result_(kBatch * kDescriptorDim) {
+  std::size_t tiles = 0;
+  std::size_t products = 0;
+  for (const Stage& stage : net.stages_) {
+    tiles = std::max(tiles, kTilePlanes * stage.plane(stage.inputs));
+    products = std::max(products, kTilePlanes * stage.plane(stage.outputs));
+    const std::size_t held =
+        &stage == &net.stages_.front() ? stage.patches() : (stage.halve ? kGroup : kBatch);
+    Maps& maps = maps_.emplace_back();
+    maps.input = AlignedFloats(held * MapSize(stage.side, stage.inputs));
+    if (stage.halve) maps.wrapped = AlignedFloats(kGroup * WrappedSize(stage.side, stage.outputs));
+  }
+  const Stage& last = net.stages_.back();
+  pooled_ = AlignedFloats(kBatch * static_cast<std::size_t>(last.side * last.outputs));
+  tiles_ = AlignedFloats(tiles);
+  products_ = AlignedFloats(products);
+}
 
 void HardNet::Worker::Run(const float* patches, std::size_t count, float* descriptors) {
+  const std::size_t last = net_.stages_.size() - 1;
+  const Stage& end = net_.stages_[last];
   for (std::size_t first = 0; first < count; first += kGroup) {
     const std::size_t group = std::min(kGroup, count - first);
-    for (std::size_t p = 0; p < group; ++p) {
-      Layers1And2(patches + (first + p) * kPatchPixels, map2_.data() + p * kMaps2.wrapped_size());
+    for (std::size_t stage = 0; stage < last; ++stage) {
+      const Stage& layer = net_.stages_[stage];
+      for (std::size_t p = 0; p < group; p += layer.patches()) {
+        const std::size_t together = std::min(layer.patches(), group - p);
+        float* const input = maps_[stage].input.data();
+        if (stage == 0) FirstLayer(patches + (first + p) * kPatchPixels, together);
+        MultiplyTiles(stage, stage == 0 ? input : input + p * MapSize(layer.side, layer.inputs),
+                      together);
+        WriteWrapped(stage, p, together);
+      }
+      float* to = maps_[stage + 1].input.data();
+      if (stage + 1 == last) to += first * MapSize(end.side, end.inputs);
+      RunConv(*layer.halve, maps_[stage].wrapped.data(), to);
     }
-    RunConv(net_.conv3_, map2_.data(), map3_.data());
-    Layer4(group);
-    RunConv(net_.conv5_, map4_.data(), map5_.data() + first * kMaps6.size());
   }
-  Layer6(count);
+  MultiplyTiles(last, maps_[last].input.data(), count);
+  const std::size_t row = static_cast<std::size_t>(end.side * end.outputs);
+  for (std::size_t p = 0; p < count; ++p) {
+    kernels_.winograd_pooled(products_.data() + p * end.tiles() * end.outputs, end.side,
+                             end.outputs, end.plane(end.outputs), end.bias.data(),
+                             pooled_.data() + p * row);
+  }
   net_.head_.Run(stream_, pooled_.data(), result_.data(), scratch_.data());
   stream_.wait();
   for (std::size_t p = 0; p < count; ++p) NormalizeLength(result_.data() + p * kDescriptorDim);
   std::memcpy(descriptors, result_.data(), count * kDescriptorDim * sizeof(float));
 }
 
-void HardNet::Worker::Layers1And2(const float* patch, float* wrapped) {
-  kernels_.standardize(patch, framed_.data());
-  kernels_.first_conv(framed_.data(), net_.weight1_.data(), net_.bias1_.data(), map1_.data());
-  MultiplyTiles(net_.product2_, map1_.data(), kMaps2, 1);
-  WriteWrapped(products_.data(), kMaps2, net_.bias2_.data(), wrapped);
-}
-
-void HardNet::Worker::Layer4(std::size_t count) {
-  MultiplyTiles(net_.product4_, map3_.data(), kMaps4, count);
+void HardNet::Worker::FirstLayer(const float* patches, std::size_t count) {
+  const std::size_t size = MapSize(kPatchSide / net_.first_stride_, net_.first_channels_);
   for (std::size_t p = 0; p < count; ++p) {
-    WriteWrapped(products_.data() + p * kMaps4.tile_values(), kMaps4, net_.bias4_.data(),
-                 map4_.data() + p * kMaps4.wrapped_size());
+    kernels_.standardize(patches + p * kPatchPixels, framed_.data());
+    kernels_.first_conv(framed_.data(), net_.first_channels_, net_.first_stride_,
+                        net_.first_weight_.data(), net_.first_bias_.data(),
+                        maps_[0].input.data() + p * size);
   }
 }
 
-void HardNet::Worker::Layer6(std::size_t count) {
-  MultiplyTiles(net_.product6_, map5_.data(), kMaps6, count);
+void HardNet::Worker::MultiplyTiles(std::size_t stage, const float* from, std::size_t count) {
+  const Stage& layer = net_.stages_[stage];
+  const auto inputs = static_cast<std::size_t>(layer.inputs);
   for (std::size_t p = 0; p < count; ++p) {
-    kernels_.winograd_pooled(products_.data() + p * kMaps6.tile_values(), kMaps6.side,
-                             kMaps6.channels, kMaps6.plane(), net_.bias6_.data(),
-                             pooled_.data() + p * kMaps6.row());
+    kernels_.winograd_input(from + p * MapSize(layer.side, layer.inputs), layer.side, layer.inputs,
+                            layer.plane(layer.inputs), tiles_.data() + p * layer.tiles() * inputs);
   }
+  layer.product.Run(stream_, tiles_.data(), products_.data(), scratch_.data());
 }
 
-void HardNet::Worker::MultiplyTiles(const ProductPrimitive& product, const float* from,
-                                    const Maps& maps, std::size_t count) {
+// Each map goes below its row 0, which takes a copy of the last row.
+void HardNet::Worker::WriteWrapped(std::size_t stage, std::size_t first, std::size_t count) {
+  const Stage& layer = net_.stages_[stage];
+  const auto outputs = static_cast<std::size_t>(layer.outputs);
+  const std::size_t row = static_cast<std::size_t>(layer.side) * outputs;
   for (std::size_t p = 0; p < count; ++p) {
-    kernels_.winograd_input(from + p * maps.size(), maps.side, maps.channels, maps.plane(),
-                            tiles_.data() + p * maps.tile_values());
+    float* const wrapped = maps_[stage].wrapped.data() +
+                           (first + p) * WrappedSize(layer.side, layer.outputs);
+    kernels_.winograd_output(products_.data() + p * layer.tiles() * outputs, layer.side,
+                             layer.outputs, layer.plane(layer.outputs), layer.bias.data(),
+                             wrapped + row);
+    std::memcpy(wrapped, wrapped + MapSize(layer.side, layer.outputs), row * sizeof(float));
   }
-  product.Run(stream_, tiles_.data(), products_.data(), scratch_.data());
-}
-
-// The map goes below row 0, which takes a copy of the last row.
-void HardNet::Worker::WriteWrapped(const float* planes, const Maps& maps, const float* bias,
-                                   float* wrapped) const {
-  kernels_.winograd_output(planes, maps.side, maps.channels, maps.plane(), bias,
-                           wrapped + maps.row());
-  std::memcpy(wrapped, wrapped + maps.size(), maps.row() * sizeof(float));
 }
 
 void HardNet::Worker::RunConv(const ConvPrimitive& conv, float* source, float* destination) {

@@ -4,7 +4,6 @@
 // convolution is circular in them and the mean over rows makes the descriptor rotation-invariant.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -28,7 +27,7 @@ struct AffineMap {
 };
 
 // The layers of the head as one map from columns x channels values, channels fastest.
-AffineMap FuseHead(const std::array<ConvLayer, 4>& head);
+AffineMap FuseHead(const std::vector<ConvLayer>& head);
 
 // Scales kDescriptorDim values to unit length. As in PyTorch's normalize, lengths below 1e-12 are
 // replaced by 1e-12.
@@ -41,13 +40,13 @@ void NormalizeLength(float* row);
 // buffer, of which only the one wrapped row is copied (the stride-2 layers are oneDNN convolutions
 // and need it). oneDNN's own convolutions cannot write into the inside of a padded buffer: they
 // fall back to its reference code. Everything stays channels-last. The head has no non-linearity,
-// so its four layers are one 1024 x 128 product.
+// so its layers are one product.
 class HardNet {
  public:
   static constexpr std::size_t kBatch = 16;  // maximum number of patches per Worker::Run
-  struct Maps;                               // sizes of a layer's maps; internal
 
   explicit HardNet(const DealWeights& weights);
+  ~HardNet();
 
   // Scratch memory for one thread at a time. `net` must outlive it.
   class Worker {
@@ -59,32 +58,31 @@ class HardNet {
     void Run(const float* patches, std::size_t count, float* descriptors);
 
    private:
-    void Layers1And2(const float* patch, float* wrapped);
-    void Layer4(std::size_t count);
-    void Layer6(std::size_t count);
-    void MultiplyTiles(const ProductPrimitive& product, const float* from, const Maps& maps,
-                       std::size_t count);
-    void WriteWrapped(const float* planes, const Maps& maps, const float* bias,
-                      float* wrapped) const;
+    struct Maps {
+      AlignedFloats input, wrapped;  // of a stride-1 layer, and of the stride-2 layer after it
+    };
+
+    void FirstLayer(const float* patches, std::size_t count);
+    void MultiplyTiles(std::size_t stage, const float* from, std::size_t count);
+    void WriteWrapped(std::size_t stage, std::size_t first, std::size_t count);
     void RunConv(const ConvPrimitive& conv, float* source, float* destination);
 
     const HardNet& net_;
     const Kernels& kernels_ = BestKernels();
     dnnl::stream stream_{CpuEngine()};
-    AlignedFloats framed_, map1_, map2_, map3_, map4_, map5_, pooled_;  // inputs of the layers
-    AlignedFloats scratch_, tiles_, products_, result_;
+    AlignedFloats framed_, pooled_, scratch_, tiles_, products_, result_;
+    std::vector<Maps> maps_;  // of the stages
   };
 
  private:
+  struct Stage;
+
   HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& one);
   std::size_t scratch_bytes() const;
 
-  std::vector<float> weight1_, bias1_, bias2_, bias4_, bias6_;
-  ProductPrimitive product2_;
-  ConvPrimitive conv3_;
-  ProductPrimitive product4_;
-  ConvPrimitive conv5_;
-  ProductPrimitive product6_;
+  int first_channels_, first_stride_;
+  std::vector<float> first_weight_, first_bias_;
+  std::vector<Stage> stages_;
   ProductPrimitive head_;
 };
 

@@ -28,15 +28,19 @@ struct Kernels {
   void (*sample_patch)(const float* image, int height, int width, float x, float y, float radius,
                        const float* grid, const float* shift, float* patch);
 
-  // Bilinear samples of `map` (height x width x kFeatureChannels) at the 5 x 5 points one cell
-  // apart around cell (x, y), clamped to the border: kSampledValues, rows slowest.
-  void (*sample_features)(const float* map, int height, int width, float x, float y, float* out);
+  // Bilinear samples of `map` (height x width x channels) at the 5 x 5 points one cell apart around
+  // cell (x, y), clamped to the border: 25 x channels values, rows slowest. Channels here and below
+  // are multiples of 16.
+  void (*sample_features)(const float* map, int height, int width, int channels, float x, float y,
+                          float* out);
 
   // Zero mean, unit variance (eps 1e-5) over the patch, into a frame of kFramedPixels.
   void (*standardize)(const float* patch, float* framed);
 
-  // 3 x 3 convolution 1 -> 32 with bias and ReLU from a frame; weight 9 x 32, out 32 x 32 x 32.
-  void (*first_conv)(const float* framed, const float* weight, const float* bias, float* out);
+  // 3 x 3 convolution 1 -> channels with bias and ReLU from a frame; weight 9 x channels, out
+  // side x side x channels with side = 32 / stride; stride 1 or 2.
+  void (*first_conv)(const float* framed, int channels, int stride, const float* weight,
+                     const float* bias, float* out);
 
   // The tiles of a side x side x channels map, circular in rows and zero outside its columns, to
   // kTilePlanes planes of (side/4)^2 x channels values; plane p starts at tiles + p * plane.

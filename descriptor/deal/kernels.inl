@@ -58,7 +58,8 @@ inline int ClampCell(float cell, int last) {
   return cell > 0 ? (cell < static_cast<float>(last) ? static_cast<int>(cell) : last) : 0;
 }
 
-void SampleFeatures(const float* map, int height, int width, float x, float y, float* out) {
+void SampleFeatures(const float* map, int height, int width, int channels, float x, float y,
+                    float* out) {
   constexpr int kCells = kNeighbours + 1;  // all 25 points share one fraction: 36 cells suffice
   const float floor_x = std::floor(x);
   const float floor_y = std::floor(y);
@@ -71,12 +72,12 @@ void SampleFeatures(const float* map, int height, int width, float x, float y, f
       const int column = ClampCell(floor_x + static_cast<float>(j - kNeighbours / 2), width - 1);
       cells[i][j] = map + (static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
                            static_cast<std::size_t>(column)) *
-                              kFeatureChannels;
+                              static_cast<std::size_t>(channels);
     }
   }
   for (int i = 0; i < kNeighbours; ++i) {
-    for (int j = 0; j < kNeighbours; ++j, out += kFeatureChannels) {
-      for (int c = 0; c < kFeatureChannels; c += kLanes) {
+    for (int j = 0; j < kNeighbours; ++j, out += channels) {
+      for (int c = 0; c < channels; c += kLanes) {
         Vec v00, v01, v10, v11;
         Load(cells[i][j] + c, v00);
         Load(cells[i][j + 1] + c, v01);
@@ -123,28 +124,33 @@ void Standardize(const float* patch, float* framed) {
   }
 }
 
-void FirstConv(const float* framed, const float* weight, const float* bias, float* out) {
-  constexpr int kOutputs = 32;
+void FirstConv(const float* framed, int channels, int stride, const float* weight,
+               const float* bias, float* out) {
+  constexpr int kOutputs = 16;  // at once
   constexpr int kVecs = kOutputs / kLanes;
-  constexpr int kPixels = kLanes > 8 ? 8 : (kLanes > 4 ? 2 : 1);  // as the registers allow
+  constexpr int kPixels = kLanes > 8 ? 16 : (kLanes > 4 ? 4 : 2);  // as the registers allow
   const Vec zero = {};
-  for (int row = 0; row < kPatchSide; ++row) {
-    for (int column = 0; column < kPatchSide; column += kPixels) {
-      Vec sum[kPixels][kVecs];
-      for (int p = 0; p < kPixels; ++p) {
-        for (int v = 0; v < kVecs; ++v) Load(bias + v * kLanes, sum[p][v]);
-      }
-      for (int tap = 0; tap < 9; ++tap) {
-        const float* in = framed + (row + tap / 3) * kFramedSide + column + tap % 3;
-        for (int v = 0; v < kVecs; ++v) {
-          Vec w;
-          Load(weight + tap * kOutputs + v * kLanes, w);
-          for (int p = 0; p < kPixels; ++p) sum[p][v] += w * in[p];
+  const int side = kPatchSide / stride;
+  for (int row = 0; row < side; ++row) {
+    for (int column = 0; column < side; column += kPixels, out += kPixels * channels) {
+      for (int first = 0; first < channels; first += kOutputs) {
+        Vec sum[kPixels][kVecs];
+        for (int p = 0; p < kPixels; ++p) {
+          for (int v = 0; v < kVecs; ++v) Load(bias + first + v * kLanes, sum[p][v]);
         }
-      }
-      for (int p = 0; p < kPixels; ++p, out += kOutputs) {
-        for (int v = 0; v < kVecs; ++v) {
-          Store(sum[p][v] > zero ? sum[p][v] : zero, out + v * kLanes);
+        for (int tap = 0; tap < 9; ++tap) {
+          const float* in =
+              framed + (row * stride + tap / 3) * kFramedSide + column * stride + tap % 3;
+          for (int v = 0; v < kVecs; ++v) {
+            Vec w;
+            Load(weight + tap * channels + first + v * kLanes, w);
+            for (int p = 0; p < kPixels; ++p) sum[p][v] += w * in[p * stride];
+          }
+        }
+        for (int p = 0; p < kPixels; ++p) {
+          for (int v = 0; v < kVecs; ++v) {
+            Store(sum[p][v] > zero ? sum[p][v] : zero, out + p * channels + first + v * kLanes);
+          }
         }
       }
     }

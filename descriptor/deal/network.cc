@@ -126,8 +126,13 @@ ProductPrimitive WarpProduct(RadialSpacing spacing) {
 class SizedBackbone {
  public:
   SizedBackbone(const DealWeights& weights, int height, int width, int threads)
-      : height_(height), width_(width), threads_(threads), stream_(CpuEngine()) {
+      : height_(height),
+        width_(width),
+        threads_(threads),
+        channels_(weights.feature_channels()),
+        stream_(CpuEngine()) {
     AddStem(weights.stem);
+    blocks_.reserve(weights.blocks.size());
     for (const BasicBlock& block : weights.blocks) AddBlock(block);
     scratch_ = AlignedFloats(scratch_bytes_ / sizeof(float) + 1);
   }
@@ -173,7 +178,6 @@ class SizedBackbone {
     pool_scratch_ = description.scratchpad_desc();
     scratch_bytes_ = std::max(scratch_bytes_, pool_scratch_.get_size());
     pooled_ = MakeBuffer(description.dst_desc());
-    blocks_.reserve(8);
   }
 
   void AddBlock(const BasicBlock& layers) {
@@ -212,11 +216,10 @@ class SizedBackbone {
   }
 
   FeatureMap ChannelsLast(const memory& blocked) {
-    FeatureMap map = {h_, w_, height_, width_, {}};
-    map.values.resize(static_cast<std::size_t>(h_) * static_cast<std::size_t>(w_) *
-                      kFeatureChannels);
+    FeatureMap map = {h_, w_, channels_, height_, width_, {}};
+    map.values.resize(static_cast<std::size_t>(h_ * w_) * static_cast<std::size_t>(channels_));
     memory from = blocked;
-    memory to(DenseDesc({1, kFeatureChannels, h_, w_}, Tag::nhwc), CpuEngine(), map.values.data());
+    memory to(DenseDesc({1, channels_, h_, w_}, Tag::nhwc), CpuEngine(), map.values.data());
     dnnl::reorder(from, to).execute(stream_, from, to);
     stream_.wait();
     return map;
@@ -225,6 +228,7 @@ class SizedBackbone {
   const int height_;
   const int width_;
   const int threads_;
+  const int channels_;
   int h_ = 0;  // extent of the layer added last
   int w_ = 0;
   dnnl::stream stream_;
@@ -321,9 +325,9 @@ void LocalizationNet::Sample(const FeatureMap& map, std::span<const Keypoint> ke
   const float x_scale = scale(map.width, map.image_width);
   const float y_scale = scale(map.height, map.image_height);
   for (const Keypoint& point : keypoints) {
-    BestKernels().sample_features(map.values.data(), map.height, map.width, point.x * x_scale,
-                                  point.y * y_scale, samples);
-    samples += kSampledValues;
+    BestKernels().sample_features(map.values.data(), map.height, map.width, map.channels,
+                                  point.x * x_scale, point.y * y_scale, samples);
+    samples += kNeighbours * kNeighbours * map.channels;
   }
 }
 

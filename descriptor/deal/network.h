@@ -44,7 +44,7 @@ std::vector<float> TpsBasis(RadialSpacing spacing);
 double DisplacementGain();
 
 // The backbone (paper, section 3.1): ResNet-34 up to and including its second residual stage, on a
-// grey image. A map of 128 channels at an eighth of the image's size.
+// grey image. A map of 128 channels (the weights may have fewer) at an eighth of the image's size.
 
 // A grey image in [0, 1], row-major.
 struct GreyImage {
@@ -53,10 +53,11 @@ struct GreyImage {
   std::vector<float> values;
 };
 
-// X of the paper: height x width x kFeatureChannels, with the size of the image it came from.
+// X of the paper: height x width x channels, with the size of the image it came from.
 struct FeatureMap {
   int height = 0;
   int width = 0;
+  int channels = 0;
   int image_height = 0;
   int image_width = 0;
   std::vector<float> values;
@@ -88,7 +89,7 @@ class LocalizationNet {
  public:
   explicit LocalizationNet(const DealWeights& weights);
 
-  // The network's input, keypoints.size() x kSampledValues: rows of the neighbourhood slowest,
+  // The network's input, keypoints.size() x 25 x channels: rows of the neighbourhood slowest,
   // channels fastest. Image pixel x lies at cell x (w - 1) / (W - 1).
   static void Sample(const FeatureMap& map, std::span<const Keypoint> keypoints, float* samples);
 

@@ -2,11 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/deal/weights.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <set>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -18,6 +20,8 @@ namespace {
 
 constexpr double kBatchNormEpsilon = 1e-5;
 constexpr std::int64_t kMaxWidth = 1 << 16;  // of a hidden layer of the localisation network
+constexpr std::int64_t kMaxChannels = 1024;
+constexpr std::int64_t kChannelStep = 16;  // the kernels take that many at once
 
 using Shape = TensorShape;
 
@@ -34,6 +38,26 @@ class TensorSource {
     const auto found = file_.tensors().find(name);
     if (found == file_.tensors().end()) Fail(file_, "tensor '" + name + "' is missing");
     return found->second.shape;
+  }
+
+  // Channels that a convolution gives: a multiple of `step`.
+  int OutputsOf(const std::string& conv, std::int64_t step) const {
+    const std::string name = conv + ".weight";
+    const Shape& shape = ShapeOf(name);
+    if (shape.size() != 4 || shape[0] < step || shape[0] % step != 0 || shape[0] > kMaxChannels) {
+      Fail(file_, "tensor '" + name + "' should have 4 axes, the first a multiple of " +
+                      std::to_string(step) + " up to " + std::to_string(kMaxChannels) + ", found " +
+                      ShapeText(shape));
+    }
+    return static_cast<int>(shape[0]);
+  }
+
+  // How many names begin and end so.
+  int Count(std::string_view start, std::string_view end) const {
+    const auto fits = [&](const auto& tensor) {
+      return tensor.first.starts_with(start) && tensor.first.ends_with(end);
+    };
+    return static_cast<int>(std::count_if(file_.tensors().begin(), file_.tensors().end(), fits));
   }
 
   std::vector<float> Take(const std::string& name, const Shape& shape) {
@@ -120,20 +144,16 @@ void SumInputChannels(ConvLayer* layer) {
   layer->inputs = 1;
 }
 
-std::vector<BasicBlock> TakeBlocks(TensorSource& source) {
-  struct Stage {
-    int channels;
-    int blocks;
-  };
-  constexpr Stage kStages[] = {{64, 3}, {kFeatureChannels, 4}};
+std::vector<BasicBlock> TakeBlocks(TensorSource& source, int channels) {
   std::vector<BasicBlock> blocks;
-  int inputs = 64;
-  for (int s = 0; s < 2; ++s) {
-    const int outputs = kStages[s].channels;
-    for (int b = 0; b < kStages[s].blocks; ++b) {
-      const std::string name =
-          "backbone.layer" + std::to_string(s + 1) + "." + std::to_string(b) + ".";
-      const int stride = s > 0 && b == 0 ? 2 : 1;
+  int inputs = channels;
+  for (int stage = 1; stage <= 2; ++stage) {
+    const std::string layer = "backbone.layer" + std::to_string(stage) + ".";
+    const int count = std::max(source.Count(layer, ".conv1.weight"), 1);
+    const int outputs = stage * channels;
+    for (int b = 0; b < count; ++b) {
+      const std::string name = layer + std::to_string(b) + ".";
+      const int stride = stage > 1 && b == 0 ? 2 : 1;
       BasicBlock block;
       block.conv1 =
           TakeConv(source, name + "conv1", name + "bn1", true, {outputs, inputs, 3, 3}, stride);
@@ -150,9 +170,8 @@ std::vector<BasicBlock> TakeBlocks(TensorSource& source) {
   return blocks;
 }
 
-std::array<LinearLayer, 4> TakeLocalization(TensorSource& source) {
+std::array<LinearLayer, 4> TakeLocalization(TensorSource& source, std::int64_t inputs) {
   std::array<LinearLayer, 4> layers;
-  std::int64_t inputs = kSampledValues;
   for (std::size_t i = 0; i < layers.size(); ++i) {
     const std::string name = "localization.fc" + std::to_string(i + 1);
     const Shape& shape = source.ShapeOf(name + ".weight");
@@ -173,19 +192,35 @@ std::array<LinearLayer, 4> TakeLocalization(TensorSource& source) {
 }
 
 void TakeHardNet(TensorSource& source, DealWeights* weights) {
-  constexpr std::array<std::array<int, 3>, 6> kBody = {
-      {{1, 32, 1}, {32, 32, 1}, {32, 64, 2}, {64, 64, 1}, {64, 128, 2}, {128, 128, 1}}};
-  constexpr std::array<int, 4> kHeadKernels = {3, 3, 3, 2};
-  for (std::size_t i = 0; i < kBody.size(); ++i) {
-    const std::string number = std::to_string(i + 1);
-    const auto [inputs, outputs, stride] = kBody[i];
-    weights->hardnet[i] = TakeConv(source, "hardnet.conv" + number, "hardnet.bn" + number, false,
-                                   {outputs, inputs, 3, 3}, stride);
+  const int layers = source.Count("hardnet.conv", ".weight");
+  if (layers != 4 && layers != 6) {
+    Fail(source.file(),
+         "hardnet should have 4 or 6 convolutions, found " + std::to_string(layers));
   }
-  for (std::size_t i = 0; i < kHeadKernels.size(); ++i) {
+  int inputs = 1;
+  for (int i = 0; i < layers; ++i) {
     const std::string number = std::to_string(i + 1);
-    weights->head[i] = TakeConv(source, "hardnet.head" + number, "hardnet.head_bn" + number, false,
-                                {kDescriptorDim, kDescriptorDim, 1, kHeadKernels[i]}, 1);
+    const std::string name = "hardnet.conv" + number;
+    const int outputs = source.OutputsOf(name, kChannelStep);
+    const int stride = layers - i == 2 || layers - i == 4 ? 2 : 1;
+    weights->hardnet.push_back(TakeConv(source, name, "hardnet.bn" + number, false,
+                                        {outputs, inputs, 3, 3}, stride));
+    inputs = outputs;
+  }
+  std::int64_t columns = kPatchSide / 4;
+  for (int i = 0; columns > 1; ++i) {
+    const std::string number = std::to_string(i + 1);
+    const std::string name = "hardnet.head" + number;
+    const Shape& shape = source.ShapeOf(name + ".weight");
+    const std::int64_t taps = shape.empty() ? 0 : shape.back();
+    if (taps < 2 || taps > columns) {
+      Fail(source.file(), "tensor '" + name + ".weight' should cover 2 to " +
+                              std::to_string(columns) + " columns, found " + ShapeText(shape));
+    }
+    weights->head.push_back(TakeConv(source, name, "hardnet.head_bn" + number, false,
+                                     {kDescriptorDim, inputs, 1, taps}, 1));
+    columns -= taps - 1;
+    inputs = kDescriptorDim;
   }
 }
 
@@ -233,10 +268,12 @@ DealWeights TakeAll(const SafetensorsFile& file) {
   weights.radius_per_size = ReadRadiusPerSize(file);
   weights.radial_spacing = ReadRadialSpacing(file);
   TensorSource source(file);
-  weights.stem = TakeConv(source, "backbone.conv1", "backbone.bn1", true, {64, 3, 7, 7}, 2);
+  const int channels = source.OutputsOf("backbone.conv1", kChannelStep / 2);
+  weights.stem = TakeConv(source, "backbone.conv1", "backbone.bn1", true, {channels, 3, 7, 7}, 2);
   SumInputChannels(&weights.stem);
-  weights.blocks = TakeBlocks(source);
-  weights.localization = TakeLocalization(source);
+  weights.blocks = TakeBlocks(source, channels);
+  weights.localization =
+      TakeLocalization(source, kNeighbours * kNeighbours * weights.feature_channels());
   TakeHardNet(source, &weights);
   source.RefuseLeftOvers();
   weights.sha256 = Sha256Hex(file.bytes());

@@ -14,9 +14,7 @@
 
 namespace pliant::deal {
 
-inline constexpr int kFeatureChannels = 128;  // channels of the backbone's map X
-inline constexpr int kNeighbours = 5;         // feature sampler: 5 x 5 cells around a keypoint
-inline constexpr int kSampledValues = kNeighbours * kNeighbours * kFeatureChannels;  // 3200
+inline constexpr int kNeighbours = 5;      // feature sampler: 5 x 5 cells around a keypoint
 inline constexpr int kTpsParameters = 66;  // 63 free weights and 3 affine rows, per axis
 inline constexpr int kThetaValues = 2 * kTpsParameters;
 inline constexpr int kPatchSide = 32;  // rows = angle, columns = radius
@@ -53,19 +51,25 @@ enum class RadialSpacing {
   kLogarithmic,  // each ring is the same factor larger than the one inside it
 };
 
+// Widths and depths are the file's; the comments have the paper's, with C = 64.
 struct DealWeights {
-  ConvLayer stem;                           // 7 x 7, stride 2, 1 -> 64
-  std::vector<BasicBlock> blocks;           // 3 of 64 channels, 4 of 128
-  std::array<LinearLayer, 4> localization;  // 3200 -> ... -> 132; widths are the file's
-  std::array<ConvLayer, 6> hardnet;         // 3 x 3 on the polar patch
-  std::array<ConvLayer, 4> head;            // 1 x 3, 1 x 3, 1 x 3, 1 x 2 along the radius
+  ConvLayer stem;                           // 7 x 7, stride 2, 1 -> C
+  std::vector<BasicBlock> blocks;           // 3 of C channels, 4 of 2 C
+  std::array<LinearLayer, 4> localization;  // 25 * 2 C -> 512 -> 256 -> 256 -> 132
+  // 3 x 3 on the polar patch: 32, 32, 64, 64, 128, 128 channels. Strides are 1, but 2 in the second
+  // and the fourth layer from the end. There are 6 layers, or 4.
+  std::vector<ConvLayer> hardnet;
+  std::vector<ConvLayer> head;  // along the radius, 8 columns to 1: 1 x 3, 1 x 3, 1 x 3, 1 x 2
   double radius_per_size = 0;               // support radius R = this x keypoint size
   RadialSpacing radial_spacing = RadialSpacing::kLinear;
   std::string sha256;  // of the file, 64 hex digits
+
+  int feature_channels() const { return blocks.back().conv2.outputs; }  // of the backbone's map X
 };
 
 // Throws kNotFound when there is no such file; kCorrupt naming file and tensor for a malformed
-// file, a missing, unknown or wrongly shaped tensor, a value that is not finite, or metadata
+// file, a missing, unknown or wrongly shaped tensor (channels are multiples of 16, half of that in
+// the backbone's first stage, up to 1024), a value that is not finite, or metadata
 // ("format" = "pliant-deal", "radius_per_size") that is missing or out of range. Without
 // "radial_spacing" ("linear" or "logarithmic") the spacing is linear.
 DealWeights LoadDealWeights(const std::filesystem::path& path);

@@ -24,8 +24,9 @@ class DealGoldenTest : public ::testing::TestWithParam<std::filesystem::path> {
 std::vector<float> ChannelsFirst(const FeatureMap& map) {
   std::vector<float> values;
   values.reserve(map.values.size());
-  for (std::size_t c = 0; c < kFeatureChannels; ++c) {
-    for (std::size_t i = c; i < map.values.size(); i += kFeatureChannels) {
+  const auto channels = static_cast<std::size_t>(map.channels);
+  for (std::size_t c = 0; c < channels; ++c) {
+    for (std::size_t i = c; i < map.values.size(); i += channels) {
       values.push_back(map.values[i]);
     }
   }
@@ -40,14 +41,15 @@ TEST_P(DealGoldenTest, GoldensAreOfTheShippedWeights) {
 
 TEST_P(DealGoldenTest, Backbone) {
   const FeatureMap map = network_.backbone().Run(DealNetwork::ToImage(golden_.image), kThreads);
-  const std::vector<std::int64_t> shape = {kFeatureChannels, map.height, map.width};
+  const std::vector<std::int64_t> shape = {map.channels, map.height, map.width};
   EXPECT_EQ(shape, golden_.tensors.tensors().at("backbone").shape);
   ExpectNear(ChannelsFirst(map), golden_.tensors.Floats("backbone"), kTolerance, "backbone");
 }
 
 TEST_P(DealGoldenTest, FeatureSamplerAndLocalization) {
   const FeatureMap map = network_.backbone().Run(DealNetwork::ToImage(golden_.image), kThreads);
-  std::vector<float> samples(golden_.keypoints.size() * kSampledValues);
+  std::vector<float> samples(golden_.keypoints.size() * 25 *
+                             static_cast<std::size_t>(map.channels));
   LocalizationNet::Sample(map, golden_.keypoints, samples.data());
   ExpectNear(samples, golden_.tensors.Floats("sampled_features"), kTolerance, "sampled_features");
   const std::vector<float> theta = network_.localization().Theta(map, golden_.keypoints, kThreads);

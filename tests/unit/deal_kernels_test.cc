@@ -109,29 +109,41 @@ TEST_P(DealKernelsTest, FirstConvolutionAndStandardize) {
   for (float& value : patch) {
     value = static_cast<float>((value - mean) / std::sqrt(variance + 1e-5));
   }
-  const ConvLayer layer = RandomLayer(1, 32);
-  std::vector<float> taps_first(9 * 32);
-  for (std::size_t i = 0; i < taps_first.size(); ++i) {
-    taps_first[i] = layer.weight[i % 32 * 9 + i / 32];
+  for (const int channels : {16, 32, 48}) {
+    const auto outputs = static_cast<std::size_t>(channels);
+    const ConvLayer layer = RandomLayer(1, channels);
+    std::vector<float> taps_first(9 * outputs);
+    for (std::size_t i = 0; i < taps_first.size(); ++i) {
+      taps_first[i] = layer.weight[i % outputs * 9 + i / outputs];
+    }
+    const std::vector<double> expected = PlainConv(patch, kPatchSide, layer);
+    for (const int stride : {1, 2}) {
+      const auto side = static_cast<std::size_t>(kPatchSide / stride);
+      std::vector<float> out(side * side * outputs);
+      GetParam()->first_conv(framed.data(), channels, stride, taps_first.data(), layer.bias.data(),
+                             out.data());
+      for (std::size_t i = 0; i < out.size(); ++i) {
+        const std::size_t pixel = i / outputs;
+        const std::size_t at = (pixel / side * kPatchSide + pixel % side) * stride;
+        ASSERT_NEAR(out[i], expected[at * outputs + i % outputs], 1e-4) << i;
+      }
+    }
   }
-  std::vector<float> out(kPatchPixels * 32);
-  GetParam()->first_conv(framed.data(), taps_first.data(), layer.bias.data(), out.data());
-  const std::vector<double> expected = PlainConv(patch, kPatchSide, layer);
-  for (std::size_t i = 0; i < out.size(); ++i) ASSERT_NEAR(out[i], expected[i], 1e-4) << i;
 }
 
 TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
   const Kernels& baseline = *UsableKernels().back();
   constexpr int kHeight = 9;
   constexpr int kWidth = 7;
-  const std::vector<float> map = Random(kHeight * kWidth * kFeatureChannels, kSeed);
+  constexpr int kChannels = 48;
+  const std::vector<float> map = Random(kHeight * kWidth * kChannels, kSeed);
   const std::vector<float> image = Random(kHeight * kWidth, kSeed);
   const std::vector<float> grid = Random(2 * kPatchPixels, kSeed + 5);
   for (const float at : {-1e30F, -3.0F, 0.0F, 2.3F, 6.0F, 50.0F, 1e30F}) {
-    std::vector<float> a(kSampledValues);
-    std::vector<float> b(kSampledValues);
-    GetParam()->sample_features(map.data(), kHeight, kWidth, at, 1.5F, a.data());
-    baseline.sample_features(map.data(), kHeight, kWidth, at, 1.5F, b.data());
+    std::vector<float> a(kNeighbours * kNeighbours * kChannels);
+    std::vector<float> b(a.size());
+    GetParam()->sample_features(map.data(), kHeight, kWidth, kChannels, at, 1.5F, a.data());
+    baseline.sample_features(map.data(), kHeight, kWidth, kChannels, at, 1.5F, b.data());
     ExpectNear(a, b, 1e-5, "features");
     a.resize(kPatchPixels);
     b.resize(kPatchPixels);

@@ -96,7 +96,7 @@ TEST_F(DealWeightsTest, ReadsTheShippedFile) {
   EXPECT_EQ(weights.blocks.size(), 7U);
   EXPECT_EQ(weights.stem.inputs, 1);
   EXPECT_EQ(weights.stem.weight.size(), 64U * 49);
-  EXPECT_EQ(weights.localization.front().inputs, kSampledValues);
+  EXPECT_EQ(weights.localization.front().inputs, 25 * 128);
   EXPECT_EQ(weights.localization.back().outputs, kThetaValues);
   EXPECT_GT(weights.radius_per_size, 0);
   EXPECT_EQ(weights.sha256.size(), 64U);
@@ -116,6 +116,9 @@ TEST_F(DealWeightsTest, RingsAreAtEqualDistancesWhereNothingElseIsSaid) {
 }
 
 TEST_F(DealWeightsTest, NamesMissingAndUnknownTensors) {
+  Rename("hardnet.conv6.weight", "extra");
+  EXPECT_THAT(LoadFault(), HasSubstr("hardnet should have 4 or 6 convolutions, found 5"));
+  Rename("extra", "hardnet.conv6.weight");
   Rename("hardnet.conv6.weight", "hardnet.conv7.weight");
   EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.conv6.weight' is missing"));
   Rename("hardnet.conv7.weight", "hardnet.conv6.weight");
@@ -126,7 +129,15 @@ TEST_F(DealWeightsTest, NamesMissingAndUnknownTensors) {
 
 TEST_F(DealWeightsTest, NamesWrongShapes) {
   header_["hardnet.conv1.weight"]["shape"] = {32, 9};
+  EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.conv1.weight' should have 4 axes"));
+  header_["hardnet.conv1.weight"]["shape"] = {32, 9, 1, 1};
   EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.conv1.weight' should have shape [32, 1, 3, 3]"));
+  header_["hardnet.conv1.weight"]["shape"] = {36, 8, 1, 1};
+  EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.conv1.weight' should have 4 axes, the first a "
+                                     "multiple of 16 up to 1024, found [36, 8, 1, 1]"));
+  header_["hardnet.conv1.weight"]["shape"] = {32, 1, 3, 3};
+  header_["hardnet.head1.weight"]["shape"] = {128, 128, 3, 1};
+  EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.head1.weight' should cover 2 to 8 columns"));
 }
 
 TEST_F(DealWeightsTest, LocalizationWidthsMustChain) {
