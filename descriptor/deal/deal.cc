@@ -3,6 +3,8 @@
 #include <array>
 #include <cstdlib>
 #include <memory>
+#include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -28,8 +30,9 @@ namespace {
 // change a descriptor by rounding only (below 1e-5 and 1e-4).
 class DealDescriptor final : public Descriptor {
  public:
-  DealDescriptor(deal::DealWeights weights, bool warp) : network_(std::move(weights)), warp_(warp) {
-    info_.name = warp_ ? "deal" : "deal-fixed";
+  DealDescriptor(std::string name, deal::DealWeights weights, bool warp)
+      : network_(std::move(weights)), warp_(warp) {
+    info_.name = std::move(name);
     info_.kind = DescriptorKind::kFloat;
     info_.dim = deal::kDescriptorDim;
     info_.model_id = info_.name + ":" + network_.weights().sha256.substr(0, 16);
@@ -60,28 +63,34 @@ class DealDescriptor final : public Descriptor {
   DescriptorInfo info_;
 };
 
-constexpr const char* kModelFile = "share/pliant/deal.safetensors";
-
 struct NamedDescriptor {
   const char* name;
-  std::shared_ptr<const Descriptor> (*make)(const DescriptorOptions&);
+  std::shared_ptr<const Descriptor> (*make)(const std::string& name, const DescriptorOptions&);
 };
 
-template <bool warp>
-std::shared_ptr<const Descriptor> MakeDeal(const DescriptorOptions& options) {
+std::shared_ptr<const Descriptor> MakeDeal(const std::string& name,
+                                           const DescriptorOptions& options) {
+  constexpr std::string_view kFixed = "-fixed";
+  const bool warp = !name.ends_with(kFixed);
+  const std::string model = warp ? name : name.substr(0, name.size() - kFixed.size());
   return std::make_shared<DealDescriptor>(
-      deal::LoadDealWeights(options.model_path.empty() ? DefaultModelPath() : options.model_path),
-      warp);
+      name, deal::LoadDealWeights(ModelPath(model, options.model_path)), warp);
+}
+
+template <auto make>
+std::shared_ptr<const Descriptor> Make(const std::string& /*name*/,
+                                       const DescriptorOptions& /*options*/) {
+  return make();
 }
 
 constexpr std::array kDescriptors = {
-    NamedDescriptor{"deal", MakeDeal<true>},
-    NamedDescriptor{"deal-fixed", MakeDeal<false>},
-    NamedDescriptor{"rootsift", [](const DescriptorOptions&) { return MakeRootSift(); }},
-    NamedDescriptor{"sift", [](const DescriptorOptions&) { return MakeSift(); }},
-    NamedDescriptor{"daisy", [](const DescriptorOptions&) { return MakeDaisy(); }},
-    NamedDescriptor{"brisk", [](const DescriptorOptions&) { return MakeBrisk(); }},
-    NamedDescriptor{"orb", [](const DescriptorOptions&) { return MakeOrb(); }},
+    NamedDescriptor{"deal", MakeDeal},
+    NamedDescriptor{"deal-fixed", MakeDeal},
+    NamedDescriptor{"rootsift", Make<MakeRootSift>},
+    NamedDescriptor{"sift", Make<MakeSift>},
+    NamedDescriptor{"daisy", Make<MakeDaisy>},
+    NamedDescriptor{"brisk", Make<MakeBrisk>},
+    NamedDescriptor{"orb", Make<MakeOrb>},
 };
 
 }  // namespace
@@ -95,31 +104,34 @@ std::vector<std::string> DescriptorNames() {
 std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
                                                  const DescriptorOptions& options) {
   for (const NamedDescriptor& d : kDescriptors) {
-    if (d.name == name) return d.make(options);
+    if (d.name == name) return d.make(name, options);
   }
   throw Error(ErrorCode::kInvalidArgument, "unknown_descriptor",
               "There is no descriptor named '" + name +
                   "'. Known are: " + Join(DescriptorNames(), ", ") + ".");
 }
 
-std::filesystem::path DefaultModelPath() {
+std::filesystem::path ModelPath(const std::string& name, const std::filesystem::path& given) {
   namespace fs = std::filesystem;
-  if (const char* given = std::getenv("PLIANT_MODEL"); given != nullptr && *given != '\0') {
-    return given;
+  const std::string file = name + ".safetensors";
+  std::error_code error;
+  if (!given.empty()) return fs::is_directory(given, error) ? given / file : given;
+  if (const char* set = std::getenv("PLIANT_MODEL"); set != nullptr && *set != '\0') {
+    return ModelPath(name, set);
   }
-  std::error_code ignored;  // no /proc: the installed place is left
-  const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
-  const std::array<fs::path, 2> places = {program.parent_path().parent_path() / kModelFile,
-                                          fs::path(PLIANT_INSTALL_PREFIX) / kModelFile};
+  const fs::path below = fs::path("share/pliant") / file;
+  // Without /proc the installed place is left.
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  const std::array<fs::path, 2> places = {program.parent_path().parent_path() / below,
+                                          fs::path(PLIANT_INSTALL_PREFIX) / below};
   std::string looked;
   for (const fs::path& place : places) {
-    std::error_code error;
     if (fs::exists(place, error)) return place;
     looked += (looked.empty() ? "" : ", ") + place.string();
   }
   throw Error(ErrorCode::kNotFound, "model_not_found",
-              "DEAL's weights were not found. Looked at: " + looked +
-                  ". Set PLIANT_MODEL to the weight file.");
+              "The weights of " + name + " were not found. Looked at: " + looked +
+                  ". Set PLIANT_MODEL to the weight file or its folder.");
 }
 
 }  // namespace pliant

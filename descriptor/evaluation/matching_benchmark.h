@@ -35,7 +35,7 @@ std::vector<DescriptorChoice> AllDescriptorChoices();
 
 struct MatchingOptions {
   std::vector<DescriptorChoice> descriptors;  // empty = AllDescriptorChoices()
-  std::filesystem::path model;                // default weights; empty = DefaultModelPath()
+  std::filesystem::path model;                // weights; empty = ModelPath(name)
   int max_keypoints = 2048;                   // per image, strongest first; 1..4096
   // Also use low-contrast keypoints, and at most max_keypoints more of the enlarged image
   // (enlarged_keypoints.h), as the service does with every query.

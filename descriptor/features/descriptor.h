@@ -46,8 +46,7 @@ class Descriptor {
 };
 
 struct DescriptorOptions {
-  std::filesystem::path
-      model_path;  // weights for deal and its variants; empty = DefaultModelPath()
+  std::filesystem::path model_path;  // weights for deal and its variants; ModelPath
 };
 
 // Names that MakeDescriptor knows, best first.
@@ -58,9 +57,10 @@ std::vector<std::string> DescriptorNames();
 std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
                                                  const DescriptorOptions& options = {});
 
-// $PLIANT_MODEL, else share/pliant/deal.safetensors beside or above the running program, else the
-// installed one. Throws kNotFound naming all paths searched.
-std::filesystem::path DefaultModelPath();
+// The weight file of DEAL, name "deal": `given` or else $PLIANT_MODEL, which are a file, or a
+// folder that holds NAME.safetensors; else share/pliant/NAME.safetensors beside or above the
+// running program, else the installed one. Throws kNotFound naming all paths searched.
+std::filesystem::path ModelPath(const std::string& name, const std::filesystem::path& given = {});
 
 struct ExtractionOptions {
   DecodeOptions decode;

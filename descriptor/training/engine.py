@@ -14,6 +14,8 @@ from .model import Deal
 from .presets import Preset, Stage
 from .warp_target import SUPERVISED_POINTS
 
+_HINTS = 4  # windows whose features are compared with the teacher's
+
 
 def configure_model(model: Deal, stage: Stage, preset: Preset, device: torch.device) -> None:
     """Freezes what the stage does not train and chooses the fast memory layout."""
@@ -42,9 +44,15 @@ def make_optimizer(model: Deal, stage: Stage) -> torch.optim.Adam:
 
 
 class TrainingStep:
-    def __init__(self, model: Deal, stage: Stage, preset: Preset, device: torch.device):
+    def __init__(self, model: Deal, stage: Stage, preset: Preset, device: torch.device, teacher: Deal | None = None):
+        """teacher: of a model whose localisation network is adapted to it."""
         self.model, self.stage, self.preset, self.device = model, stage, preset, device
         self.points = torch.from_numpy(SUPERVISED_POINTS).to(device)
+        self.teacher = teacher
+        if teacher is not None:
+            teacher.to(device)
+            weight = teacher.localization.fc1.weight.detach().unflatten(1, (25, -1)).flatten(0, 1)
+            self.importance = weight.t() @ weight  # [C, C] of the features, to the first layer
 
     def _move(self, tensor: torch.Tensor) -> torch.Tensor:
         return tensor.to(self.device, non_blocking=True)
@@ -54,12 +62,26 @@ class TrainingStep:
             return torch.autocast("cuda", torch.bfloat16)
         return contextlib.nullcontext()
 
-    def _warp(self, batch: Batch, images: torch.Tensor, keypoints: torch.Tensor,
-              index: torch.Tensor) -> torch.Tensor:
-        """theta of all keypoints (correspondences, then extra ones) from the windows' features."""
+    def _hint(self, maps: torch.Tensor, windows: torch.Tensor) -> torch.Tensor:
+        """The share of the teacher's features of the first windows, weighted by their importance, that the features
+        maps [I, C, h, w] do not explain (Romero et al., FitNets, ICLR 2015)."""
+        with torch.no_grad():
+            truth = self.teacher.backbone(windows[:_HINTS]).flatten(2).transpose(1, 2).flatten(0, 1)
+        found = self.model.localization.adapter(maps[:_HINTS].float().flatten(2).transpose(1, 2).flatten(0, 1))
+
+        def energy(x: torch.Tensor) -> torch.Tensor:
+            return ((x @ self.importance) * x).sum(1).mean()
+
+        return energy(found - truth) / energy(truth - truth.mean(0))
+
+    def _windows(self, batch: Batch, images: torch.Tensor) -> torch.Tensor:
         side = self.stage.batch.crop_px
-        windows = torch.stack([image[y:y + side, x:x + side]
-                               for image, (x, y) in zip(images, batch.windows.tolist())])
+        return torch.stack([image[y:y + side, x:x + side] for image, (x, y) in zip(images, batch.windows.tolist())])
+
+    def _warp(self, batch: Batch, images: torch.Tensor, keypoints: torch.Tensor,
+              index: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """theta of all keypoints (correspondences, then extra ones) from the windows' features, and those features."""
+        windows = self._windows(batch, images)
         index = torch.cat([index, self._move(batch.extra_index)])
         where = torch.cat([keypoints, self._move(batch.extra_keypoints)])
         local = where.clone()
@@ -67,7 +89,7 @@ class TrainingStep:
         with torch.set_grad_enabled(self.stage.train_backbone != "none"), self._precision():
             maps = self.model.backbone(windows)
         sampled = self.model.sample(maps.float(), windows.shape[1:], index, local)
-        return self.model.localization(sampled)
+        return self.model.localization(sampled), maps
 
     def _describe(self, batch: Batch, images: torch.Tensor, keypoints: torch.Tensor,
                   index: torch.Tensor, theta: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
@@ -83,12 +105,12 @@ class TrainingStep:
         """Of a batch of tensors (batches.to_tensors): the loss (to be differentiated) and the figures of the step,
         which stay on the device, so that a GPU need not be waited for."""
         stage, figures = self.stage, {}
-        images = self._move(batch.images).float().div_(255)
-        images = images.clamp_(1e-3).pow_(self._move(batch.gamma)[:, None, None])
+        clean = self._move(batch.images).float().div_(255)
+        images = clean.clamp(1e-3).pow_(self._move(batch.gamma)[:, None, None])
         keypoints, index = self._move(batch.keypoints), self._move(batch.index)
         loss, theta = torch.zeros((), device=self.device), None
         if stage.uses_warp:
-            theta = self._warp(batch, images, keypoints, index)
+            theta, maps = self._warp(batch, images, keypoints, index)
         if stage.trains_warp:
             predicted = self.model.displacement(theta, self.points)
             truth, known = self._move(batch.warp), self._move(batch.warp_known)
@@ -100,6 +122,10 @@ class TrainingStep:
             loss = loss + (start + (end - start) * progress) * supervised
             figures["warp_loss"] = supervised.detach()
             figures["warp_error"], figures["warp_truth"] = losses.warp_r2_terms(predicted, truth, known)
+        if self.teacher is not None:
+            hint = self._hint(maps, self._windows(batch, clean))
+            loss = loss + hint
+            figures["hint"] = hint.detach()
         if stage.train_hardnet:
             a, b = self._describe(batch, images, keypoints, index, theta)
             first, second = keypoints[:, :2].chunk(2)

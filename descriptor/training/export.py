@@ -3,11 +3,11 @@
 """Turns the weights of a run into what the project ships: weights, goldens, figures.
 
     python3 -m descriptor.training.export --weights RUN/joint/last.safetensors --dev DEV_SCENES \
-        --model descriptor/model --goldens tests/data --against descriptor/model/deal.safetensors
+        --model descriptor/model/deal.safetensors --goldens tests/data --against descriptor/model/deal.safetensors
 
 The comparison (SIFT, RootSIFT, the weights with and without warp, and those of --against) is made
 on the development scenes with shared keypoints, printed as the model card's table, and written to
-comparison.csv. The card itself, MODEL/README.md, is written by hand.
+comparison.csv beside the run's weights. The model card is written by hand.
 
     python3 -m descriptor.training.export --onnx deal.onnx
 
@@ -56,11 +56,11 @@ def export(arguments: argparse.Namespace, device: torch.device) -> None:
     against = {} if arguments.against is None else {"previous weights": load_model(arguments.against)}
     model, metadata = load_model(arguments.weights)
     metadata = {**metadata, "exported": datetime.date.today().isoformat()}
-    arguments.model.mkdir(parents=True, exist_ok=True)
-    target = arguments.model / "deal.safetensors"
+    target = arguments.model
+    target.parent.mkdir(parents=True, exist_ok=True)
     save_model(target, model, {k: v for k, v in metadata.items() if k != "format"}, half=True)
-    rows = compare({"deal": load_model(target), **against}, pairs, device)
-    with (arguments.model / "comparison.csv").open("w", newline="") as stream:
+    rows = compare({target.stem: load_model(target), **against}, pairs, device)
+    with (arguments.weights.parent / "comparison.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--onnx", type=Path, help="write the network to this file as ONNX")
     parser.add_argument("--weights", type=Path, help="weights of a run (with --onnx: default the shipped ones)")
     parser.add_argument("--dev", type=Path, help="folder of development scenes")
-    parser.add_argument("--model", type=Path, help="folder for the weights and comparison.csv")
+    parser.add_argument("--model", type=Path, help="weight file to write")
     parser.add_argument("--goldens", type=Path, help="folder for the goldens")
     parser.add_argument("--against", type=Path, help="earlier weights for the comparison")
     parser.add_argument("--pairs", type=int, default=120)

@@ -85,7 +85,7 @@ def compute_stages(model: Deal, image: np.ndarray, keypoints: np.ndarray,
 
 
 def write_goldens(model_path: Path, out: Path) -> list[Path]:
-    """Writes golden_<W>x<H>.png and .safetensors for each size, and golden_tps.safetensors."""
+    """Writes golden_<W>x<H>.png and golden_<MODEL>_<W>x<H>.safetensors for each size, and golden_tps.safetensors."""
     model, metadata = load_model(model_path)
     model = model.double().eval()
     # The buffers came through float32: take the constants afresh.
@@ -96,15 +96,15 @@ def write_goldens(model_path: Path, out: Path) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
     written = []
     for i, (width, height) in enumerate(SIZES):
-        stem = out / f"golden_{width}x{height}"
+        picture = out / f"golden_{width}x{height}.png"
+        tensors = out / f"golden_{model_path.stem}_{width}x{height}.safetensors"
         image = draw_image(width, height, seed=11 + i)
         keypoints = choose_keypoints(width, height, count=12 + 8 * i, seed=23 + i)
         stages = compute_stages(model, image, keypoints, radius_per_size)
-        if not cv2.imwrite(f"{stem}.png", image):
-            raise OSError(f"cannot write {stem}.png")
-        tensor_file.save(f"{stem}.safetensors", stages,
-                         {**common, "image": f"{stem.name}.png, grey, values / 255"})
-        written += [Path(f"{stem}.png"), Path(f"{stem}.safetensors")]
+        if not cv2.imwrite(str(picture), image):
+            raise OSError(f"cannot write {picture}")
+        tensor_file.save(tensors, stages, {**common, "image": f"{picture.name}, grey, values / 255"})
+        written += [picture, tensors]
     constants = {}
     for spacing in geometry.SPACINGS:
         constants[f"unit_polar_grid_{spacing}"] = geometry.unit_polar_grid(spacing).astype(np.float32)

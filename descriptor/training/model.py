@@ -28,6 +28,8 @@ from .sampling import sample_features, sample_images
 
 _WARP_DROPOUT = 0.1
 _PART = 256  # keypoints described at once
+ONE_SUPPORT = (1.0,)
+POOLED_SUPPORTS = (0.72, 1.0, 1.39)  # radii over which an indexed image's descriptors are averaged (deal/network.h)
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Shape:
             tuple(extents(f"hardnet.head{i + 1}")[2:] for i in range(count("hardnet.head", ".weight"))))
 
 
-SHAPES = {"deal": Shape(), "deal-small": Shape(16, (3, 4), (256, 128, 128), (16, 32, 64, 64), ((1, 8),))}
+SHAPES = {"deal": Shape(), "deal-small": Shape(16, (3, 4), (512, 512, 512), (16, 32, 64, 64), ((1, 8),))}
 
 
 class PreconditionedLinear(nn.Module):
@@ -100,7 +102,11 @@ def _apply_per_axis(matrix: torch.Tensor, layer: torch.Tensor) -> torch.Tensor:
 
 
 class LocalizationNet(nn.Module):
-    """Sampled features [N, 25 C] -> TPS parameters theta [N, 66, 2] in (-1, 1)."""
+    """Sampled features [N, 25 C] -> TPS parameters theta [N, 66, 2] in (-1, 1).
+
+    While a smaller network learns from a teacher, it has the teacher's layers behind an adapter, from its own channels
+    to the teacher's. first() is the plain layer that the exported file holds.
+    """
 
     def __init__(self, channels: int, hidden: tuple[int, int, int]):
         super().__init__()
@@ -108,11 +114,24 @@ class LocalizationNet(nn.Module):
         for i in range(3):
             self.add_module(f"fc{i + 1}", nn.Linear(sizes[i], sizes[i + 1]))
         self.fc4 = PreconditionedLinear(sizes[3])
+        self.adapter: nn.Linear | None = None
         self.dropout = _WARP_DROPOUT
 
+    def adapted(self, channels: int) -> LocalizationNet:
+        """A copy of this network for features of so many channels."""
+        network = copy.deepcopy(self)
+        network.adapter = nn.Linear(channels, self.fc1.in_features // 25)
+        return network
+
+    def first(self) -> tuple[torch.Tensor, torch.Tensor]:
+        if self.adapter is None:
+            return self.fc1.weight, self.fc1.bias
+        weight = self.fc1.weight.unflatten(1, (25, -1))
+        return (weight @ self.adapter.weight).flatten(1), self.fc1.bias + (weight @ self.adapter.bias).sum(1)
+
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        for layer in (self.fc1, self.fc2, self.fc3):
-            x = F.relu(linear(x, layer.weight, layer.bias))
+        for weight, bias in (self.first(), *((layer.weight, layer.bias) for layer in (self.fc2, self.fc3))):
+            x = F.relu(linear(x, weight, bias))
             x = F.dropout(x, self.dropout, self.training)
         return torch.tanh(self.fc4(x)).view(-1, geometry.TPS_PARAMETERS, 2)
 
@@ -171,16 +190,19 @@ class Deal(nn.Module):
         return sample_images(images, index, grid).view(-1, geometry.GRID, geometry.GRID)
 
     @torch.no_grad()
-    def describe(self, grey: torch.Tensor, keypoints: torch.Tensor, radius_per_size: float,
-                 warp: bool = True) -> tuple[torch.Tensor | None, torch.Tensor]:
-        """theta (None without the warp) and descriptors [N, 128] of one image [H, W], in parts to save memory."""
+    def describe(self, grey: torch.Tensor, keypoints: torch.Tensor, radius_per_size: float, warp: bool = True,
+                 supports: tuple[float, ...] = ONE_SUPPORT) -> tuple[torch.Tensor | None, torch.Tensor]:
+        """theta (None without the warp) and descriptors [N, 128] of one image [H, W], in parts to save memory.
+        With several supports, relative radii, a descriptor is the mean over them, scaled to unit length."""
         images, index = grey[None], torch.zeros(len(keypoints), dtype=torch.long, device=grey.device)
         theta = self.localization(self.features_at(images, index, keypoints)) if warp else None
         rows = [torch.zeros(0, DIM, device=grey.device)]
         for start in range(0, len(keypoints), _PART):
             part = slice(start, start + _PART)
             displacement = None if theta is None else self.displacement(theta[part])
-            rows.append(self.hardnet(self.patches(images, index[part], keypoints[part], radius_per_size, displacement)))
+            rows.append(F.normalize(sum(
+                self.hardnet(self.patches(images, index[part], keypoints[part], radius_per_size * support, displacement))
+                for support in supports)))
         return theta, torch.cat(rows)
 
     def forward(self, images: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
@@ -198,16 +220,18 @@ def _constant(array: np.ndarray) -> torch.Tensor:
 
 
 def export_tensors(model: Deal) -> dict[str, np.ndarray]:
-    """The model as plain layers under the file's names (fc4 folded)."""
-    last = copy.deepcopy(model.localization.fc4).double()
-    if last.matrix is not None:
-        last.matrix = torch.from_numpy(geometry.tps_preconditioner()).to(last.weight)
-    weight, bias = last.folded()
+    """The model as plain layers under the file's names (fc1 and fc4 folded)."""
+    localization = copy.deepcopy(model.localization).double()
+    if localization.fc4.matrix is not None:
+        localization.fc4.matrix = torch.from_numpy(geometry.tps_preconditioner()).to(localization.fc4.weight)
+    folded = {}
+    for layer, parameters in (("fc1", localization.first()), ("fc4", localization.fc4.folded())):
+        folded |= {f"localization.{layer}.{kind}": value for kind, value in zip(("weight", "bias"), parameters)}
     tensors = {}
     for name, value in model.state_dict().items():
-        if name.endswith("num_batches_tracked"):
+        if name.endswith("num_batches_tracked") or ".adapter." in name:
             continue
-        value = {"localization.fc4.weight": weight, "localization.fc4.bias": bias}.get(name, value)
+        value = folded.get(name, value)
         tensors[name] = value.detach().cpu().float().numpy()
     return tensors
 

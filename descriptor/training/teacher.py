@@ -5,7 +5,8 @@
     python3 -m descriptor.training.teacher DIR --weights descriptor/model/deal.safetensors --jobs 2
 
 A smaller network is distilled from them (stage "distill"): it sees the same keypoints under other
-light, noise and errors of size, and is to give what the teacher gives without any of these.
+light, noise and errors of size, and is to give what the teacher gives without any of these, averaged
+over three support radii.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import torch
 
 from . import runtime, tensor_file
 from .features import load_features
-from .model import load_model
+from .model import POOLED_SUPPORTS, load_model
 from .scenes import Scene
 
 
@@ -42,13 +43,14 @@ class Teacher:
 
     def describe(self, image: np.ndarray, keypoints: np.ndarray) -> Targets:
         grey = torch.from_numpy(np.array(image)).float().div_(255)
-        theta, rows = self.model.describe(grey, torch.from_numpy(np.array(keypoints)), self.radius_per_size)
+        theta, rows = self.model.describe(grey, torch.from_numpy(np.array(keypoints)), self.radius_per_size,
+                                          supports=POOLED_SUPPORTS)
         return Targets(theta.half().numpy(), rows.half().numpy())
 
     def targets(self, scene: Scene) -> list[Targets]:
         """Of each view; from the cache if it is of these weights and this scene file, else computed (and cached)."""
         path = scene.path.with_suffix(".teacher")
-        stamp = {"weights": self.sha256, "scene_bytes": str(scene.path.stat().st_size)}
+        stamp = {"weights": self.sha256, "supports": str(POOLED_SUPPORTS), "scene_bytes": str(scene.path.stat().st_size)}
         if path.exists():
             tensors, metadata = tensor_file.load(path)
             if metadata == stamp:

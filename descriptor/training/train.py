@@ -19,7 +19,7 @@ from . import geometry, runtime
 from .backbone import gabor_start
 from .batches import SceneSet
 from .checkpoint import read_checkpoint
-from .model import SHAPES, Deal, Shape, load_model
+from .model import SHAPES, Deal, LocalizationNet, Shape, load_model
 from .presets import PRESETS, preset
 from .schedule import parse_deadline
 from .teacher import Teacher
@@ -32,7 +32,12 @@ def resumed_model(run: Path) -> Deal | None:
     state = read_checkpoint(run, torch.device("cpu"))
     if state is None:
         return None
-    return Deal(Shape.of(state["model"]))
+    model = Deal(Shape.of(state["model"]))
+    adapter = state["model"].get("localization.adapter.weight")
+    if adapter is not None:
+        wide, narrow = adapter.shape
+        model.localization = LocalizationNet(wide, Shape.of(state["model"]).hidden).adapted(narrow)
+    return model
 
 
 def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing: str | None = None,
@@ -88,8 +93,11 @@ def main() -> None:
     spacing = arguments.spacing
     if spacing is None and teacher is not None and arguments.init is None:
         spacing = teacher.model.spacing
-    model = resumed_model(arguments.run) or starting_model(
-        arguments.init, arguments.init_warp, arguments.seed, spacing, arguments.shape)
+    model = resumed_model(arguments.run)
+    if model is None:
+        model = starting_model(arguments.init, arguments.init_warp, arguments.seed, spacing, arguments.shape)
+        if teacher is not None:
+            model.localization = teacher.model.localization.adapted(model.localization.fc1.in_features // 25)
     data = SceneSet(arguments.scenes, teacher=teacher)
     print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)
 
@@ -102,7 +110,7 @@ def main() -> None:
               None if arguments.until is None else parse_deadline(arguments.until), arguments.seconds,
               (("preset", arguments.preset), ("scenes", str(len(data))), ("seed", str(arguments.seed)),
                ("torch", torch.__version__), ("machine", f"{platform.machine()} {device}")))
-    finished = Trainer(run, model, data, development, device).train()
+    finished = Trainer(run, model, data, development, device, None if teacher is None else teacher.model).train()
     print("finished" if finished else "stopped; the same command continues", flush=True)
 
 

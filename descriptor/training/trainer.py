@@ -41,7 +41,7 @@ class Run:
 
 class Trainer:
     def __init__(self, run: Run, model: Deal, data: SceneSet, development: Callable[[], list[MatchingPair]],
-                 device: torch.device):
+                 device: torch.device, teacher: Deal | None = None):
         """development is called before the first validation only; an empty list means none."""
         self.run, self.model, self.data, self.device = run, model, data, device
         self.development, self.pairs = development, None
@@ -53,7 +53,7 @@ class Trainer:
         self._resume()
         self.log = CsvLog(run.directory / "log.csv", self.step)
         self.validation_log = CsvLog(run.directory / "validation.csv", self.step)
-        self.compute = TrainingStep(model, run.stage, run.preset, device)
+        self.compute = TrainingStep(model, run.stage, run.preset, device, teacher)
 
     def _resume(self) -> None:
         state = read_checkpoint(self.run.directory, self.device)

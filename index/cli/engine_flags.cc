@@ -38,7 +38,8 @@ void AddJobsFlag(CLI::App& app, int& jobs, const std::string& what) {
 }
 
 void AddModelFlag(CLI::App& app, std::filesystem::path& model) {
-  app.add_option("--model", model, "weight file for deal and its variants")->type_name("FILE");
+  app.add_option("--model", model, "weight file for deal and its variants, or its folder")
+      ->type_name("FILE");
 }
 
 void AddRankFlag(CLI::App& app, RankMethod& rank, const std::string& help) {

@@ -39,7 +39,7 @@ std::vector<TrackingSequence> OpenTrackingSequences(const std::filesystem::path&
 
 struct TrackingBenchmarkOptions {
   std::vector<std::string> descriptors = {"deal", "deal-fixed", "rootsift", "sift", "orb"};
-  std::filesystem::path model;  // weights; empty = DefaultModelPath()
+  std::filesystem::path model;  // weights; empty = ModelPath(name)
   int max_keypoints = 1024;     // of the template's region, and of each view
   // max_ratio is 1: all mutual nearest neighbours, the paper's brute-force association.
   LocateOptions locate = {.verification = {.max_ratio = 1}};

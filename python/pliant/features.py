@@ -138,15 +138,15 @@ def descriptor_names() -> list[str]:
 
 
 def default_model() -> bytes:
-    """Path of DEAL's weights: $PLIANT_MODEL, else share/pliant below a parent folder of the package (installed, or a
-    build tree); empty if neither exists: the library then looks beside its programs."""
+    """DEAL's weight file or the folder of its weights: $PLIANT_MODEL, else share/pliant below a parent folder of the
+    package (installed, or a build tree); empty if neither exists: the library then looks beside its programs."""
     given = os.environb.get(b"PLIANT_MODEL", b"")
     if given:
         return given
-    for folder in pathlib.Path(__file__).absolute().parents[1:6]:
-        file = folder / "share" / "pliant" / "deal.safetensors"
-        if file.is_file():
-            return os.fsencode(file)
+    for parent in pathlib.Path(__file__).absolute().parents[1:6]:
+        folder = parent / "share" / "pliant"
+        if (folder / "deal.safetensors").is_file():
+            return os.fsencode(folder)
     return b""
 
 

@@ -6,6 +6,8 @@
 //   bench_deal --json N T R                 R whole descriptions of N keypoints with T threads:
 //                                           one JSON list of seconds (for compare_pytorch.py)
 //
+// $PLIANT_MODEL names other weights than those of deal.
+//
 // FLOPs are the customary ones of the plain network: two a multiply-add, convolutions counted
 // without Winograd's savings. `share_of_peak` divides by the product's peak with as many threads,
 // measured at the start of the run and again before every HardNet row (the better of the two).
@@ -27,6 +29,7 @@
 
 #include "descriptor/deal/network.h"
 #include "descriptor/deal/primitives.h"
+#include "descriptor/features/descriptor.h"
 #include "tests/unit/wavy_image.h"
 
 namespace pliant::deal {
@@ -36,7 +39,7 @@ constexpr int kWidth = 640;
 constexpr int kHeight = 480;
 
 struct Scene {
-  DealNetwork network{LoadDealWeights(PLIANT_SOURCE_DIR "/descriptor/model/deal.safetensors")};
+  DealNetwork network{LoadDealWeights(ModelPath("deal"))};
   Image image;
   GreyImage grey;
   FeatureMap map;
@@ -154,13 +157,21 @@ void BmProductPeak(benchmark::State& state) {
   state.counters["GFLOP/s"] = peak / 1e9;
 }
 
+double ConvFlops(const ConvLayer& layer, double places) {
+  return 2 * places * static_cast<double>(layer.weight.size());
+}
+
 void BmBackbone(benchmark::State& state) {
   const Scene& s = SharedScene();
-  const auto pixels = [](int divisor) { return 1.0 * kHeight * kWidth / (divisor * divisor); };
-  const double stem = pixels(2) * 64 * 49;
-  const double first = pixels(4) * 6 * 64 * 64 * 9;
-  const double second = pixels(8) * (64 * 128 * 9 + 64 * 128 + 7 * 128 * 128 * 9);
-  Stage(state, 2 * (stem + first + second)).Run([&] {
+  double places = kHeight * kWidth / 4;
+  double flops = ConvFlops(s.network.weights().stem, places);
+  places /= 4;  // the pooling
+  for (const BasicBlock& block : s.network.weights().blocks) {
+    places /= block.conv1.stride * block.conv1.stride;
+    flops += ConvFlops(block.conv1, places) + ConvFlops(block.conv2, places);
+    if (block.downsample) flops += ConvFlops(*block.downsample, places);
+  }
+  Stage(state, flops).Run([&] {
     benchmark::DoNotOptimize(s.network.backbone().Run(s.grey, Threads(state)));
   });
 }
@@ -196,10 +207,17 @@ void BmHardNet(benchmark::State& state) {
   const Scene& s = SharedScene();
   Peak(Threads(state), true);
   const auto patches = std::span(s.patches).first(Count(state) * kPatchPixels);
-  const double body = 32.0 * 32 * 9 * (32 + 32 * 32) + 16.0 * 16 * 9 * (32 * 64 + 64 * 64) +
-                      8.0 * 8 * 9 * (64 * 128 + 128 * 128);
-  const double head = 128.0 * 128 * (6 * 3 + 4 * 3 + 2 * 3 + 1 * 2);
-  Stage(state, 2 * (body + head) * static_cast<double>(Count(state))).Run([&] {
+  double flops = 0;
+  double side = kPatchSide;
+  for (const ConvLayer& layer : s.network.weights().hardnet) {
+    side /= layer.stride;
+    flops += ConvFlops(layer, side * side);
+  }
+  for (const ConvLayer& layer : s.network.weights().head) {
+    side -= layer.kernel_width - 1;
+    flops += ConvFlops(layer, side);
+  }
+  Stage(state, flops * static_cast<double>(Count(state))).Run([&] {
     benchmark::DoNotOptimize(s.network.DescribePatches(patches, Threads(state)));
   });
 }

@@ -36,9 +36,9 @@ class Installed(FolderCase):
         self.assertEqual({path.name for path in (SOURCE / "pliant").iterdir()} - names - {"__pycache__"}, set())
         self.assertTrue(any(name.startswith("_native.") and name.endswith(".so") for name in names))
         self.assertFalse(any(path.is_symlink() for path in found[0].parent.iterdir()))
-        weights = prefix / "share" / "pliant" / "deal.safetensors"
+        weights = prefix / "share" / "pliant"
         weights.parent.mkdir(parents=True, exist_ok=True)
-        weights.symlink_to(BUILD.resolve() / "share" / "pliant" / "deal.safetensors")
+        weights.symlink_to(BUILD.resolve() / "share" / "pliant")
         script = ("import os, sys, pliant\nfrom pliant.features import default_model\n"
                   "assert pliant.__file__.startswith(sys.argv[1])\n"
                   "print(os.fsdecode(default_model()))\nprint(pliant.Extractor('deal').model_id)")

@@ -16,7 +16,7 @@ from descriptor.training.model import SHAPES, Deal, Shape, load_model
 from descriptor.training.presets import preset
 from descriptor.training.scenes import Scene
 from descriptor.training.teacher import Teacher
-from descriptor.training.train import starting_model
+from descriptor.training.train import resumed_model, starting_model
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "descriptor/model/deal.safetensors"
 
@@ -58,10 +58,11 @@ class DistillationTest(unittest.TestCase):
     def test_targets_are_the_teachers_and_come_from_the_cache_of_the_same_weights(self):
         scene, found = self.data.scenes[0], self.data.features[0].views[0]
         targets = self.data.targets[0][0]
+        image = torch.from_numpy(np.array(scene.images[0])).float()[None] / 255
+        index, points = torch.zeros(len(found.keypoints), dtype=torch.long), torch.from_numpy(np.array(found.keypoints))
         with torch.no_grad():
-            rows = self.teacher.model(torch.from_numpy(np.array(scene.images[0])).float()[None] / 255,
-                                      torch.zeros(len(found.keypoints), dtype=torch.long),
-                                      torch.from_numpy(np.array(found.keypoints)), self.teacher.radius_per_size)
+            rows = F.normalize(sum(self.teacher.model(image, index, points, self.teacher.radius_per_size * support)
+                                   for support in (0.72, 1.0, 1.39)))
         np.testing.assert_allclose(targets.descriptors.astype(np.float32), rows, atol=2e-3)
         cached = Teacher(WEIGHTS)
         cached.describe = None  # would be called without a cache
@@ -89,12 +90,19 @@ class DistillationTest(unittest.TestCase):
         recipe = preset("tiny")
         stage = dataclasses.replace(recipe.stage("distill"), steps=40)
         network = starting_model(None, None, 3, self.teacher.model.spacing, "deal-small")
+        network.localization = self.teacher.model.localization.adapted(32)
         run = trainer.Run(self.root / "run", stage, recipe, seed=3)
-        self.assertTrue(trainer.Trainer(run, network, self.data, list, self.device).train())
+        self.assertTrue(trainer.Trainer(run, network, self.data, list, self.device, self.teacher.model).train())
         rows = read_csv(self.root / "run/log.csv")
-        self.assertLess(float(rows[-1]["distillation"]), 0.9 * float(rows[0]["distillation"]))
+        for figure in ("distillation", "hint"):
+            self.assertLess(float(rows[-1][figure]), 0.9 * float(rows[0][figure]))
         small, _ = load_model(self.root / "run/last.safetensors")
         self.assertEqual(Shape.of(small.state_dict()), SHAPES["deal-small"])
+        features = torch.rand(5, 25 * 32)
+        with torch.no_grad():
+            torch.testing.assert_close(small.localization(features), network.eval().localization(features), atol=1e-4, rtol=0)
+        again = resumed_model(self.root / "run")
+        self.assertEqual(again.localization.state_dict().keys(), network.localization.state_dict().keys())
         self.assertLess((self.root / "run/last.safetensors").stat().st_size, WEIGHTS.stat().st_size / 3)
 
 

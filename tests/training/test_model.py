@@ -1,5 +1,6 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
+import itertools
 import tempfile
 import unittest
 from pathlib import Path
@@ -30,14 +31,14 @@ def fresh_model(seed):
 
 class GoldenTest(unittest.TestCase):
     def test_float32_network_meets_the_goldens(self):
-        network, metadata = model.load_model(WEIGHTS)
-        for width, height in goldens.SIZES:
-            stem = ROOT / f"tests/data/golden_{width}x{height}"
-            expected, about = tensor_file.load(f"{stem}.safetensors")
-            self.assertEqual(about["model_sha256"], tensor_file.sha256(WEIGHTS),
+        for name, (width, height) in itertools.product(("deal",), goldens.SIZES):
+            weights, stem = WEIGHTS.with_stem(name), f"{name}_{width}x{height}"
+            network, metadata = model.load_model(weights)
+            expected, about = tensor_file.load(ROOT / f"tests/data/golden_{stem}.safetensors")
+            self.assertEqual(about["model_sha256"], tensor_file.sha256(weights),
                              "stale goldens: run python3 -m descriptor.training.goldens")
             self.assertEqual(float(about["radius_per_size"]), float(metadata["radius_per_size"]))
-            image = cv2.imread(f"{stem}.png", cv2.IMREAD_GRAYSCALE)
+            image = cv2.imread(str(ROOT / f"tests/data/golden_{width}x{height}.png"), cv2.IMREAD_GRAYSCALE)
             image = torch.from_numpy(image).float()[None] / 255
             points = torch.from_numpy(expected["keypoints_x_y_size"].copy())
             index = torch.zeros(len(points), dtype=torch.long)

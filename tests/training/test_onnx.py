@@ -30,9 +30,8 @@ TOLERANCE = 3e-4  # as of the network in PyTorch
 
 
 def golden(width, height):
-    stem = ROOT / f"tests/data/golden_{width}x{height}"
-    expected, _ = tensor_file.load(f"{stem}.safetensors")
-    image = cv2.imread(f"{stem}.png", cv2.IMREAD_GRAYSCALE)
+    expected, _ = tensor_file.load(ROOT / f"tests/data/golden_deal_{width}x{height}.safetensors")
+    image = cv2.imread(str(ROOT / f"tests/data/golden_{width}x{height}.png"), cv2.IMREAD_GRAYSCALE)
     inputs = {"image": image[None, None].astype(np.float32) / 255,
               "keypoints": expected["keypoints_x_y_size"].astype(np.float32)}
     return inputs, expected["descriptors"]

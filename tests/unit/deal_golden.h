@@ -3,9 +3,11 @@
 // Golden tensors: what descriptor/training computed in double precision for each stage.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,14 +20,18 @@
 
 namespace pliant::deal {
 
-inline std::filesystem::path ModelPath() {
-  return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model/deal.safetensors";
+inline const std::array<std::string, 1> kModels = {"deal"};
+
+inline std::filesystem::path ModelPath(const std::string& name = "deal") {
+  return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model" / (name + ".safetensors");
 }
 
-// One network for all tests of a program.
-inline const DealNetwork& SharedNetwork() {
-  static const DealNetwork network(LoadDealWeights(ModelPath()));
-  return network;
+// One network of each model for all tests of a program.
+inline const DealNetwork& SharedNetwork(const std::string& name = "deal") {
+  static std::map<std::string, DealNetwork> networks;
+  const auto found = networks.find(name);
+  if (found != networks.end()) return found->second;
+  return networks.try_emplace(name, LoadDealWeights(ModelPath(name))).first->second;
 }
 
 struct Golden {
@@ -34,19 +40,7 @@ struct Golden {
   std::vector<Keypoint> keypoints;
 };
 
-// tests/data/golden_<width>x<height>.safetensors, all there are.
-inline std::vector<std::filesystem::path> GoldenPaths() {
-  std::vector<std::filesystem::path> paths;
-  for (const auto& entry : std::filesystem::directory_iterator(
-           std::filesystem::path(PLIANT_SOURCE_DIR) / "tests/data")) {
-    const std::string name = entry.path().filename().string();
-    if (name.starts_with("golden_") && name.ends_with(".safetensors") &&
-        name != "golden_tps.safetensors") {
-      paths.push_back(entry.path());
-    }
-  }
-  return paths;
-}
+inline const std::array<std::string, 2> kGoldenSizes = {"75x53", "163x117"};
 
 inline Image ReadGrey(const std::filesystem::path& path) {
   const cv::Mat mat = cv::imread(path.string(), cv::IMREAD_GRAYSCALE);
@@ -57,9 +51,10 @@ inline Image ReadGrey(const std::filesystem::path& path) {
   return image;
 }
 
-inline Golden LoadGolden(const std::filesystem::path& path) {
-  Golden golden = {SafetensorsFile::Open(path),
-                   ReadGrey(std::filesystem::path(path).replace_extension(".png")),
+inline Golden LoadGolden(const std::string& model, const std::string& size) {
+  const std::string start = PLIANT_SOURCE_DIR "/tests/data/golden_";
+  Golden golden = {SafetensorsFile::Open(start + model + "_" + size + ".safetensors"),
+                   ReadGrey(start + size + ".png"),
                    {}};
   const std::vector<float> rows = golden.tensors.Floats("keypoints_x_y_size");
   for (std::size_t i = 0; i + 2 < rows.size(); i += 3) {
