@@ -271,8 +271,8 @@ void HardNet::Worker::WriteWrapped(std::size_t stage, std::size_t first, std::si
   const auto outputs = static_cast<std::size_t>(layer.outputs);
   const std::size_t row = static_cast<std::size_t>(layer.side) * outputs;
   for (std::size_t p = 0; p < count; ++p) {
-    float* const wrapped = maps_[stage].wrapped.data() +
-                           (first + p) * WrappedSize(layer.side, layer.outputs);
+    float* const wrapped =
+        maps_[stage].wrapped.data() + (first + p) * WrappedSize(layer.side, layer.outputs);
     kernels_.winograd_output(products_.data() + p * layer.tiles() * outputs, layer.side,
                              layer.outputs, layer.plane(layer.outputs), layer.bias.data(),
                              wrapped + row);

@@ -194,8 +194,7 @@ std::array<LinearLayer, 4> TakeLocalization(TensorSource& source, std::int64_t i
 void TakeHardNet(TensorSource& source, DealWeights* weights) {
   const int layers = source.Count("hardnet.conv", ".weight");
   if (layers != 4 && layers != 6) {
-    Fail(source.file(),
-         "hardnet should have 4 or 6 convolutions, found " + std::to_string(layers));
+    Fail(source.file(), "hardnet should have 4 or 6 convolutions, found " + std::to_string(layers));
   }
   int inputs = 1;
   for (int i = 0; i < layers; ++i) {
@@ -203,8 +202,8 @@ void TakeHardNet(TensorSource& source, DealWeights* weights) {
     const std::string name = "hardnet.conv" + number;
     const int outputs = source.OutputsOf(name, kChannelStep);
     const int stride = layers - i == 2 || layers - i == 4 ? 2 : 1;
-    weights->hardnet.push_back(TakeConv(source, name, "hardnet.bn" + number, false,
-                                        {outputs, inputs, 3, 3}, stride));
+    weights->hardnet.push_back(
+        TakeConv(source, name, "hardnet.bn" + number, false, {outputs, inputs, 3, 3}, stride));
     inputs = outputs;
   }
   std::int64_t columns = kPatchSide / 4;

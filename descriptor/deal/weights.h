@@ -60,7 +60,7 @@ struct DealWeights {
   // and the fourth layer from the end. There are 6 layers, or 4.
   std::vector<ConvLayer> hardnet;
   std::vector<ConvLayer> head;  // along the radius, 8 columns to 1: 1 x 3, 1 x 3, 1 x 3, 1 x 2
-  double radius_per_size = 0;               // support radius R = this x keypoint size
+  double radius_per_size = 0;   // support radius R = this x keypoint size
   RadialSpacing radial_spacing = RadialSpacing::kLinear;
   std::string sha256;  // of the file, 64 hex digits
 

@@ -24,8 +24,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Accepts([&] {
     const auto file = pliant::SafetensorsFile::Parse(std::move(bytes), "input");
     const pliant::deal::DealWeights weights = pliant::deal::ParseDealWeights(file);
-    Require(weights.radius_per_size > 0 && weights.blocks.size() >= 2 && weights.sha256.size() == 64,
-            "weights that are accepted are whole");
+    Require(
+        weights.radius_per_size > 0 && weights.blocks.size() >= 2 && weights.sha256.size() == 64,
+        "weights that are accepted are whole");
     int inputs = 25 * weights.feature_channels();
     for (const pliant::deal::LinearLayer& layer : weights.localization) {
       Require(layer.inputs == inputs &&

@@ -103,7 +103,6 @@ class DistillationTest(unittest.TestCase):
             torch.testing.assert_close(small.localization(features), network.eval().localization(features), atol=1e-4, rtol=0)
         again = resumed_model(self.root / "run")
         self.assertEqual(again.localization.state_dict().keys(), network.localization.state_dict().keys())
-        self.assertLess((self.root / "run/last.safetensors").stat().st_size, WEIGHTS.stat().st_size / 3)
 
 
 if __name__ == "__main__":
