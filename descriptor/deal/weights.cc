@@ -3,7 +3,6 @@
 #include "descriptor/deal/weights.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -14,6 +13,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
+#include "descriptor/base/strings.h"
 
 namespace pliant::deal {
 namespace {
@@ -231,9 +231,8 @@ const std::string& Metadata(const SafetensorsFile& file, const char* key) {
 
 double ReadRadiusPerSize(const SafetensorsFile& file) {
   const std::string& text = Metadata(file, "radius_per_size");
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(value > 0) || value > 1000) {
+  const double value = NumberOf<double>(text).value_or(0);
+  if (!(value > 0) || value > 1000) {
     Fail(file, "metadata 'radius_per_size' should be a number in (0, 1000], found '" + text + "'");
   }
   return value;

@@ -3,7 +3,6 @@
 // pliant-simulate-scenes: training scenes on a machine that has only a compiler. Images are read
 // as PGM/PPM or from a safetensors pack; `pliant simulate` reads every type that Pliant reads.
 #include <atomic>
-#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -12,6 +11,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/stopwatch.h"
+#include "descriptor/base/strings.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene.h"
 #include "descriptor/simulation/scene_file.h"
@@ -53,11 +53,9 @@ class Arguments {
   Value Number(const std::string& name, Value otherwise) {
     const std::string text = Text(name, "");
     if (text.empty()) return otherwise;
-    Value value{};
-    const auto parsed = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (parsed.ec != std::errc() || parsed.ptr != text.data() + text.size())
-      Fail("--" + name + " must be a number, not " + text);
-    return value;
+    const auto value = pliant::NumberOf<Value>(text);
+    if (!value) Fail("--" + name + " must be a number, not " + text);
+    return *value;
   }
   void RequireAllUsed() const {
     if (!values_.empty()) Fail("unknown option --" + values_.begin()->first);

@@ -4,13 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <numeric>
 #include <optional>
 #include <string_view>
 
 #include <fmt/format.h>
+
+#include "descriptor/base/strings.h"
 
 namespace pliant::cli {
 namespace {
@@ -20,10 +21,8 @@ template <typename Number, typename Rule>
 CLI::Validator NumberThat(Rule is_right, std::string wanted, std::string shown = "") {
   return CLI::Validator(
       [is_right, wanted](std::string& text) {
-        Number value{};
-        const char* end = text.data() + text.size();
-        const auto [stopped, error] = std::from_chars(text.data(), end, value);
-        if (error == std::errc() && stopped == end && is_right(value)) return std::string();
+        const auto value = NumberOf<Number>(text);
+        if (value && is_right(*value)) return std::string();
         return fmt::format("must be {}, not {}", wanted, text);
       },
       std::move(shown));

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -352,14 +351,14 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   http.allowed_origins = Split(options.cors_origins, ',');
   http.allowed_hosts = Split(options.allowed_hosts, ',');
   const std::size_t colon = options.listen.rfind(':');
-  const std::string port = colon == std::string::npos ? "" : options.listen.substr(colon + 1);
-  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), http.port);
-  if (error != std::errc() || end != port.data() + port.size() || http.port < 0 ||
-      http.port > 65535 || colon == 0) {
+  const auto port =
+      NumberOf<std::uint16_t>(colon == std::string::npos ? "" : options.listen.substr(colon + 1));
+  if (!port || colon == 0) {
     throw Error(
         ErrorCode::kInvalidArgument, "invalid_listen",
         "--listen must be HOST:PORT, for example 127.0.0.1:8080, not '" + options.listen + "'");
   }
+  http.port = *port;
   http.host = options.listen.substr(0, colon);
   if (http.host.front() == '[' && http.host.back() == ']') {  // [::1]:8080
     http.host = http.host.substr(1, http.host.size() - 2);

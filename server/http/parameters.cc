@@ -3,10 +3,8 @@
 #include "server/http/parameters.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
-#include <system_error>
 
 #include <fmt/format.h>
 
@@ -105,29 +103,21 @@ ImageText TakeImage(Json& object, const std::string& of = {}) {
   return image;
 }
 
-// Whole text as a number; null for anything else.
-template <typename T>
-Json NumberOf(const std::string& text) {
-  T value{};
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, value);
-  return error == std::errc() && stop == end ? Json(value) : Json();
-}
-
 // The text of a query or a form as a value; one of another type when the text has no such value.
 Json ValueOf(const Parameter& spec, const std::string& text) {
+  const auto or_null = [](const auto& number) { return number ? Json(*number) : Json(); };
   switch (spec.type) {
     case Type::kText:
     case Type::kChoice:
       return text;
     case Type::kInteger:
-      return NumberOf<std::int64_t>(text);
+      return or_null(NumberOf<std::int64_t>(text));
     case Type::kNumber:
-      return NumberOf<double>(text);
+      return or_null(NumberOf<double>(text));
     case Type::kNumbers: {
       Json numbers = Json::array();
       for (const std::string& one : Split(text + ",", ','))
-        numbers.push_back(NumberOf<double>(one));
+        numbers.push_back(or_null(NumberOf<double>(one)));
       return numbers;
     }
     case Type::kBoolean:

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <limits>
 
 #include <fmt/format.h>
@@ -95,11 +94,9 @@ void ReadFraming(RequestHead& head) {
 }  // namespace
 
 std::optional<std::uint64_t> Digits(std::string_view text) {
-  std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (end != text.data() + text.size()) return std::nullopt;
-  if (error == std::errc::result_out_of_range) return std::numeric_limits<std::uint64_t>::max();
-  return error == std::errc() ? std::optional(value) : std::nullopt;
+  const bool digits = !text.empty() && text.find_first_not_of("0123456789") == text.npos;
+  if (!digits) return std::nullopt;
+  return NumberOf<std::uint64_t>(text).value_or(std::numeric_limits<std::uint64_t>::max());
 }
 
 void ReadRequestHead(std::string_view text, RequestHead& head) {

@@ -3,12 +3,12 @@
 #include "server/jobs/bulk_items.h"
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 #include <utility>
 
 #include "descriptor/base/base64.h"
 #include "descriptor/base/format_bytes.h"
+#include "descriptor/base/strings.h"
 #include "index/files/text.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
@@ -30,16 +30,9 @@ constexpr std::size_t kMaxNameBytes = 64 * 1024;
 // A field of a header: text up to its first zero.
 std::string_view TextOf(std::string_view field) { return field.substr(0, field.find('\0')); }
 
-std::optional<std::uint64_t> DigitsOf(std::string_view text, int base) {
-  std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 // Octal digits, with spaces and zeros around, or GNU's base-256 (first bit set). Nothing for
 // anything else.
-std::optional<std::uint64_t> NumberOf(std::string_view field) {
+std::optional<std::uint64_t> NumberIn(std::string_view field) {
   if (!field.empty() && (static_cast<unsigned char>(field[0]) & 0x80) != 0) {
     std::uint64_t value = static_cast<unsigned char>(field[0]) & 0x7f;
     for (const char c : field.substr(1)) {
@@ -52,7 +45,7 @@ std::optional<std::uint64_t> NumberOf(std::string_view field) {
   if (begin == std::string_view::npos) return 0;
   const std::string_view digits =
       field.substr(begin, field.find_first_of(std::string_view(" \0", 2), begin) - begin);
-  return digits.empty() ? 0 : DigitsOf(digits, 8);
+  return digits.empty() ? 0 : NumberOf<std::uint64_t>(digits, 8);
 }
 
 // The sum of the header's bytes, its own field taken as spaces.
@@ -63,7 +56,7 @@ bool IsHeader(std::string_view block) {
   for (std::size_t i = 0; i < block.size(); ++i) {
     sum += i >= kBegin && i < kEnd ? ' ' : static_cast<unsigned char>(block[i]);
   }
-  return NumberOf(block.substr(kBegin, kEnd - kBegin)) == sum;
+  return NumberIn(block.substr(kBegin, kEnd - kBegin)) == sum;
 }
 
 bool IsZero(std::string_view block) {
@@ -80,7 +73,7 @@ Pax ReadPax(std::string_view text, std::size_t at) {
   Pax pax;
   while (!text.empty()) {
     const std::size_t space = std::min(text.find(' '), text.size());
-    const auto length = DigitsOf(text.substr(0, space), 10);
+    const auto length = NumberOf<std::uint64_t>(text.substr(0, space));
     if (!length || *length > text.size() || *length < space + 3 || text[*length - 1] != '\n') {
       ThrowDamaged(at, "has a damaged pax header");
     }
@@ -90,7 +83,7 @@ Pax ReadPax(std::string_view text, std::size_t at) {
     const std::string_view key = record.substr(0, equals);
     const std::string_view value = record.substr(equals + 1);
     if (key == "path") pax.path = std::string(value);
-    if (key == "size" && !(pax.size = DigitsOf(value, 10))) {
+    if (key == "size" && !(pax.size = NumberOf<std::uint64_t>(value))) {
       ThrowDamaged(at, "has a damaged pax header");
     }
     text.remove_prefix(*length);
@@ -183,7 +176,7 @@ std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
     }
     if (!IsHeader(header)) ThrowDamaged(at, at == 0 ? "has no valid header" : "is damaged");
     const char type = header[156];
-    const auto stated = NumberOf(header.substr(124, 12));
+    const auto stated = NumberIn(header.substr(124, 12));
     const bool is_about_next = type == 'x' || type == 'L';
     const auto size = is_about_next || !next.size ? stated : next.size;
     const bool has_content = type < '1' || type > '6';  // else a link, device or folder

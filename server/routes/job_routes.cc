@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Background jobs.
-#include <charconv>
 #include <chrono>
 
+#include "descriptor/base/strings.h"
 #include "server/routes/answers.h"
 #include "server/routes/lists.h"
 #include "server/routes/routes.h"
@@ -55,16 +55,14 @@ Response Items(Service& service, const Request& request, const Parameters& param
   const std::string identity = ToText(Json::array({"job_items", id}));
   const std::string after = AfterFromCursor(parameters, identity);
   const auto limit = static_cast<std::size_t>(PageLimit(parameters));
-  std::uint32_t first = 0;
-  const char* end = after.data() + after.size();
-  const auto [stop, error] = std::from_chars(after.data(), end, first);
-  if (!after.empty() && (stop != end || error != std::errc())) ThrowInvalidCursor();
+  const auto first = NumberOf<std::uint32_t>(after.empty() ? "0" : after);
+  if (!first) ThrowInvalidCursor();
   std::vector<std::string> texts =
-      service.jobs->rows().JobItems(id, first, static_cast<int>(limit) + 1);
+      service.jobs->rows().JobItems(id, *first, static_cast<int>(limit) + 1);
   std::optional<std::string> next;
   if (texts.size() > limit) {
     texts.resize(limit);
-    next = std::to_string(first + limit);
+    next = std::to_string(*first + limit);
   }
   Json items = Json::array();
   for (const std::string& text : texts) {

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Vocabularies: train, list, activate.
-#include <charconv>
 #include <limits>
 
+#include "descriptor/base/strings.h"
 #include "index/json/record_json.h"
 #include "server/http/problem.h"
 #include "server/jobs/training.h"
@@ -53,15 +53,14 @@ VocabularyRecord RequireVocabulary(Service& service, const std::string& collecti
 Response Activate(Service& service, const Request& request, const Parameters&) {
   const std::string collection = CollectionOf(service, request);
   const std::string& text = request.captures.at("v");
-  std::int64_t id = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (error != std::errc() || end != text.data() + text.size()) ThrowNoVocabulary(text);
-  if (service.engine().CountUnquantized(collection, id) > kQuantizedAtOnce) {
-    RequireVocabulary(service, collection, id);
-    return JobResponse(AddActivationJob(*service.jobs, collection, id));
+  const auto id = NumberOf<std::int64_t>(text);
+  if (!id) ThrowNoVocabulary(text);
+  if (service.engine().CountUnquantized(collection, *id) > kQuantizedAtOnce) {
+    RequireVocabulary(service, collection, *id);
+    return JobResponse(AddActivationJob(*service.jobs, collection, *id));
   }
-  service.engine().UseVocabulary(collection, id);
-  return JsonResponse(VocabularyJson(RequireVocabulary(service, collection, id)));
+  service.engine().UseVocabulary(collection, *id);
+  return JsonResponse(VocabularyJson(RequireVocabulary(service, collection, *id)));
 }
 
 }  // namespace
