@@ -11,10 +11,7 @@
 
 namespace pliant::server {
 
-namespace {
-
-Json Parse(const std::string& text, const std::string& name, Json::value_t top,
-           const char* top_name) {
+Json ParseJson(const std::string& text, const std::string& name, Json::value_t top) {
   const auto fail = [&](const std::string& why) {
     return ProblemError("invalid_json", name + " " + why, {.parameter = name});
   };
@@ -40,18 +37,8 @@ Json Parse(const std::string& text, const std::string& name, Json::value_t top,
   if (too_many) throw fail(fmt::format("has more than {} keys in one object.", kMaxJsonNames));
   if (json.is_discarded()) throw fail("is not valid JSON.");
   if (!twice.empty()) throw fail("has the key " + twice + " more than once.");
-  if (json.type() != top) throw fail(fmt::format("must be a JSON {}.", top_name));
+  if (json.type() != top) throw fail(fmt::format("must be a JSON {}.", Json(top).type_name()));
   return json;
-}
-
-}  // namespace
-
-Json ParseJsonObject(const std::string& text, const std::string& name) {
-  return Parse(text, name, Json::value_t::object, "object");
-}
-
-Json ParseJsonArray(const std::string& text, const std::string& name) {
-  return Parse(text, name, Json::value_t::array, "array");
 }
 
 }  // namespace pliant::server

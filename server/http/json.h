@@ -16,11 +16,10 @@ inline constexpr int kMaxJsonDepth = 32;
 // object takes a time that grows with the square of their number.
 inline constexpr std::size_t kMaxJsonNames = 1000;
 
-// Parses a document whose top is an object. Throws ProblemError "invalid_json" naming what is
-// wrong with `name`: it does not parse, is not an object, is nested deeper than kMaxJsonDepth, or
-// one of its objects has more names than kMaxJsonNames, or one twice.
-Json ParseJsonObject(const std::string& text, const std::string& name);
-// The same for an array.
-Json ParseJsonArray(const std::string& text, const std::string& name);
+// Parses a document whose top is an object, or another `top`. Throws ProblemError "invalid_json"
+// naming what is wrong with `name`: it does not parse, has another top, is nested deeper than
+// kMaxJsonDepth, or one of its objects has more names than kMaxJsonNames, or one twice.
+Json ParseJson(const std::string& text, const std::string& name,
+               Json::value_t top = Json::value_t::object);
 
 }  // namespace pliant::server

@@ -124,9 +124,9 @@ Json ValueOf(const Parameter& spec, const std::string& text) {
       return text == "true" || text == "false" ? Json(text == "true") : Json();
     case Type::kJson:
     case Type::kImage:
-      return ParseJsonObject(text, spec.name);
+      return ParseJson(text, spec.name);
     case Type::kJsonList:
-      return ParseJsonArray(text, spec.name);
+      return ParseJson(text, spec.name, Json::value_t::array);
   }
   return {};
 }
@@ -222,7 +222,7 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   // A merge patch is the handler's: in it null means something, and types do.
   if (request.content_type == "application/json" && !request.body.empty() &&
       route.body != BodyKind::kMergePatch) {
-    Json body = ParseJsonObject(request.body, "body");
+    Json body = ParseJson(request.body, "body");
     if (route.body == BodyKind::kImageOrJson) {
       ImageText image = TakeImage(body);
       if (image.base64 || image.url) images_.emplace("", std::move(image));

@@ -235,7 +235,7 @@ BulkItem BulkItems::Item(std::size_t i) const {
 }
 
 BulkItem BulkItems::OfLine(std::string_view line) const {
-  Json json = ParseJsonObject(std::string(line), "line");
+  Json json = ParseJson(std::string(line), "line");
   for (const auto& [name, value] : json.items()) {
     if (name != "image" && name != "image_url" && name != "id" && name != "object" &&
         name != "metadata" && name != "source") {

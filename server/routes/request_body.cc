@@ -85,7 +85,7 @@ Json MergePatchOf(const Request& request, const std::vector<std::string>& fields
     throw ProblemError("missing_parameter", "The body must be a JSON merge patch.",
                        {.parameter = "body"});
   }
-  Json patch = ParseJsonObject(request.body, "body");
+  Json patch = ParseJson(request.body, "body");
   for (const auto& [name, value] : patch.items()) {
     if (fields.empty() || std::find(fields.begin(), fields.end(), name) != fields.end()) continue;
     throw ProblemError("unknown_parameter",

@@ -19,12 +19,11 @@ TEST(Json, RefusesDepthAndNonObjects) {
   const auto nested = [](int depth) {
     return "{\"a\":" + std::string(depth - 1, '[') + std::string(depth - 1, ']') + "}";
   };
-  EXPECT_EQ(ParseJsonObject(nested(kMaxJsonDepth), "it").size(), 1U);
-  EXPECT_EQ(ProblemOf([&] { ParseJsonObject(nested(kMaxJsonDepth + 1), "it"); }).code,
-            "invalid_json");
-  EXPECT_EQ(ProblemOf([&] { ParseJsonObject(nested(1'000'000), "it"); }).code, "invalid_json");
+  EXPECT_EQ(ParseJson(nested(kMaxJsonDepth), "it").size(), 1U);
+  EXPECT_EQ(ProblemOf([&] { ParseJson(nested(kMaxJsonDepth + 1), "it"); }).code, "invalid_json");
+  EXPECT_EQ(ProblemOf([&] { ParseJson(nested(1'000'000), "it"); }).code, "invalid_json");
   for (const std::string text : {"", "1", "[]", "{", "{}x"}) {
-    EXPECT_EQ(ProblemOf([&] { ParseJsonObject(text, "it"); }).code, "invalid_json") << text;
+    EXPECT_EQ(ProblemOf([&] { ParseJson(text, "it"); }).code, "invalid_json") << text;
   }
   EXPECT_EQ(ToText(Json("\xff")), "\"\xef\xbf\xbd\"");
 }
@@ -37,12 +36,12 @@ TEST(Json, RefusesObjectsOfManyNames) {
     }
     return text + "}]}";
   };
-  EXPECT_EQ(ParseJsonObject(with(kMaxJsonNames), "it")["a"][0].size(), kMaxJsonNames);
-  const Problem problem = ProblemOf([&] { ParseJsonObject(with(kMaxJsonNames + 1), "it"); });
+  EXPECT_EQ(ParseJson(with(kMaxJsonNames), "it")["a"][0].size(), kMaxJsonNames);
+  const Problem problem = ProblemOf([&] { ParseJson(with(kMaxJsonNames + 1), "it"); });
   EXPECT_EQ(problem.code, "invalid_json");
   EXPECT_EQ(problem.detail, "it has more than 1000 keys in one object.");
   // More than a minute where each name is looked up among those before it.
-  EXPECT_EQ(ProblemOf([&] { ParseJsonObject(with(1'000'000), "it"); }).code, "invalid_json");
+  EXPECT_EQ(ProblemOf([&] { ParseJson(with(1'000'000), "it"); }).code, "invalid_json");
 }
 
 TEST(Json, Base64IsDecoded) {
