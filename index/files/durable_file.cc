@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/format_bytes.h"
 
 namespace pliant {
 
@@ -83,6 +84,17 @@ void ThrowErrno(const std::string& doing, const fs::path& path, int code) {
     default:
       throw Error(ErrorCode::kInternal, "io_error", message);
   }
+}
+
+void RequireDiskSpace(const fs::path& directory, std::uint64_t bytes, std::uint64_t reserve_bytes) {
+  std::error_code unknown;
+  const std::uint64_t free = fs::space(directory, unknown).available;
+  if (unknown || (free >= reserve_bytes && free - reserve_bytes >= bytes)) return;  // no overflow
+  throw Error(ErrorCode::kNoSpace, "no_space",
+              "only " + FormatBytes(free) + " are free on the disk of " + directory.string() +
+                  ", and " + FormatBytes(reserve_bytes) +
+                  " are reserved for removing images; nothing was stored. Remove images, or free "
+                  "some space");
 }
 
 void SyncPath(const fs::path& path, int flags) {

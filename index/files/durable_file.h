@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cerrno>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -53,6 +54,11 @@ bool FilesAreUsedUp();
 // "too_many_open_files", else kInternal "io_error". `doing` begins the sentence: "cannot make".
 [[noreturn]] void ThrowErrno(const std::string& doing, const std::filesystem::path& path,
                              int code = errno);
+
+// Throws kNoSpace "no_space" unless `bytes` fit on the disk of the directory and leave
+// `reserve_bytes` free. Where the system does not say, the write itself will tell.
+void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
+                      std::uint64_t reserve_bytes);
 
 // fsync of a file or, with O_DIRECTORY among `flags`, of a directory's entries.
 void SyncPath(const std::filesystem::path& path, int flags);

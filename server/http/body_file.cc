@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/replace_file.h"
 
 namespace pliant::server {
 
@@ -35,15 +36,6 @@ FileHandle Open(const std::filesystem::path& directory) {
 }
 
 }  // namespace
-
-void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
-                      std::uint64_t reserve) {
-  std::error_code error;
-  const std::uint64_t available = std::filesystem::space(directory, error).available;
-  if (!error && available >= reserve && available - reserve >= bytes) return;  // no overflow
-  errno = error ? error.value() : ENOSPC;
-  ThrowErrno("cannot write to", directory);
-}
 
 BodyFile::BodyFile(const std::filesystem::path& directory, std::uint64_t reserve_bytes)
     : BodyFile(Open(directory), directory, reserve_bytes) {}
@@ -74,16 +66,11 @@ void BodyFile::Write(std::uint64_t offset, std::string_view bytes) {
     Reserve(kCheckEvery + bytes.size());
     checked_ = written_;
   }
-  while (!bytes.empty()) {
-    const ssize_t written =
-        ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) ThrowErrno("cannot write to", directory_);
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-    offset += static_cast<std::uint64_t>(written);
-    written_ += static_cast<std::uint64_t>(written);
-    size_ = std::max(size_, offset);
+  if (const std::error_code error = WriteAt(file_.get(), offset, bytes)) {
+    ThrowErrno("cannot write to", directory_, error.value());
   }
+  written_ += bytes.size();
+  size_ = std::max(size_, offset + bytes.size());
 }
 
 std::ptrdiff_t BodyFile::Read(std::uint64_t offset, char* data, std::size_t bytes) const {

@@ -15,11 +15,6 @@
 
 namespace pliant::server {
 
-// Throws Error kNoSpace "no_space" unless `bytes` fit on the disk of the directory and leave
-// `reserve` bytes free.
-void RequireDiskSpace(const std::filesystem::path& directory, std::uint64_t bytes,
-                      std::uint64_t reserve);
-
 // One thread writes the whole body; then any number of threads read it. A file without a name goes
 // with the object, also when the process is killed.
 class BodyFile {
@@ -35,7 +30,7 @@ class BodyFile {
   // `bytes` of another body from `first` on; both must be inside it.
   BodyFile(std::shared_ptr<const BodyFile> whole, std::uint64_t first, std::uint64_t bytes);
 
-  // These throw as the constructor does. Reserve only checks that the bytes fit on the disk.
+  // These throw as the constructor and RequireDiskSpace do. Reserve only checks that the bytes fit.
   void Append(std::string_view bytes) { Write(size_, bytes); }
   void Reserve(std::uint64_t bytes) const { RequireDiskSpace(directory_, bytes, reserve_bytes_); }
   void Write(std::uint64_t offset, std::string_view bytes);  // until no gap below size() remains

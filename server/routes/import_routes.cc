@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adding many images in the background: from one body, from a folder on the server, or those of the
 // demonstration.
+#include "index/files/durable_file.h"
 #include "index/store/database_url.h"
-#include "server/http/body_file.h"
 #include "server/http/problem.h"
 #include "server/jobs/import_jobs.h"
 #include "server/routes/answers.h"

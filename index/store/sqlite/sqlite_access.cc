@@ -7,7 +7,6 @@
 #include <sys/stat.h>
 
 #include "descriptor/base/error.h"
-#include "descriptor/base/format_bytes.h"
 #include "index/files/durable_file.h"
 #include "index/files/process_lock.h"
 #include "index/store/database_url.h"
@@ -139,15 +138,8 @@ void SqliteAccess::CheckInPlace() const {
 }
 
 void SqliteAccess::RequireSpace(std::uint64_t bytes, const fs::path& directory) const {
-  const fs::path where = directory.empty() ? fs::absolute(path_).parent_path() : directory;
-  std::error_code unknown;  // then the write itself will tell
-  const fs::space_info space = fs::space(where, unknown);
-  if (unknown || space.available >= bytes + reserve_bytes_) return;
-  throw Error(ErrorCode::kNoSpace, "no_space",
-              "only " + FormatBytes(space.available) + " are free on the disk of " +
-                  where.string() + ", and " + FormatBytes(reserve_bytes_) +
-                  " are reserved for removing images; nothing was stored. Remove images, or free "
-                  "some space");
+  RequireDiskSpace(directory.empty() ? fs::absolute(path_).parent_path() : directory, bytes,
+                   reserve_bytes_);
 }
 
 // Freed pages go back to the file system, and the log, which still holds what was deleted, is
