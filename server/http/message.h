@@ -4,6 +4,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -79,14 +80,22 @@ struct Part {
   std::string content;
 };
 
+enum class BodyFraming { kNone, kLength, kChunked };
+
 struct Request {
-  std::string id;      // request id: the client's X-Request-Id where acceptable, else made here
-  std::string method;  // HEAD arrives as GET
-  std::string path;    // as sent, without the query
-  std::vector<std::string> segments;            // of the path, percent-decoded
+  std::string method;  // routes see GET for HEAD
+  std::string target;  // path and query as sent
+  bool is_http_1_0 = false;
+  HeaderFields headers;  // without the spaces around their values
+  BodyFraming framing = BodyFraming::kNone;
+  std::uint64_t length = 0;  // of the body, for kLength; saturated
+
+  // The session sets these from the above.
+  std::string id;                     // the client's X-Request-Id where acceptable, else made here
+  std::string path;                   // as sent, without the query
+  std::vector<std::string> segments;  // of the path, percent-decoded
   std::map<std::string, std::string> captures;  // {name} of the route's pattern
   std::multimap<std::string, std::string> query;
-  HeaderFields headers;
   std::string remote_address;
   Caller caller;  // empty for a public route
 

@@ -36,7 +36,7 @@ bool HasBareLineFeed(std::string_view text, std::size_t from) {
 
 [[noreturn]] void ThrowBad(const char* why) { throw ProblemError("bad_request", why); }
 
-void ReadRequestLine(std::string_view line, RequestHead& head) {
+void ReadRequestLine(std::string_view line, Request& head) {
   constexpr std::array<std::string_view, 9> kMethods = {
       "GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT"};
   const std::size_t first = line.find(' ');
@@ -53,7 +53,7 @@ void ReadRequestLine(std::string_view line, RequestHead& head) {
   head.target = line.substr(first + 1, last - first - 1);
 }
 
-void ReadField(std::string_view line, RequestHead& head) {
+void ReadField(std::string_view line, Request& head) {
   if (line.size() > kMostLineBytes) ThrowBad("A header field is too long.");
   if (line.front() == ' ' || line.front() == '\t') {
     ThrowBad("A header field must be on one line.");
@@ -63,28 +63,28 @@ void ReadField(std::string_view line, RequestHead& head) {
   if (colon == line.size() || name.empty() || !IsNameOf(name, "!#$%&'*+-.^_`|~")) {
     ThrowBad("A header field has no name or an invalid name.");  // RFC 9110, section 5.6.2
   }
-  if (head.fields.size() == kMostFields) {
+  if (head.headers.size() == kMostFields) {
     throw ProblemError("headers_too_large",
                        fmt::format("A request can have at most {} header fields.", kMostFields));
   }
-  head.fields.emplace(name, Trimmed(line.substr(colon + 1)));
+  head.headers.emplace(name, Trimmed(line.substr(colon + 1)));
 }
 
 // Sections 6.1 and 6.3: one length, or chunks, never both; HTTP/1.0 has no chunks.
-void ReadFraming(RequestHead& head) {
-  const std::size_t lengths = head.fields.count("Content-Length");
-  const std::size_t encodings = head.fields.count("Transfer-Encoding");
+void ReadFraming(Request& head) {
+  const std::size_t lengths = head.headers.count("Content-Length");
+  const std::size_t encodings = head.headers.count("Transfer-Encoding");
   if (lengths + encodings > 1 || (encodings == 1 && head.is_http_1_0)) {
     ThrowBad("Send either Content-Length or Transfer-Encoding, and only once.");
   }
   if (encodings == 1) {
-    if (!EqualsIgnoringCase(head.fields.find("Transfer-Encoding")->second, "chunked")) {
+    if (!EqualsIgnoringCase(head.headers.find("Transfer-Encoding")->second, "chunked")) {
       throw ProblemError("unsupported_transfer_encoding", "The Transfer-Encoding must be chunked.");
     }
     head.framing = BodyFraming::kChunked;
   }
   if (lengths == 1) {
-    const auto length = Digits(head.fields.find("Content-Length")->second);
+    const auto length = Digits(head.headers.find("Content-Length")->second);
     if (!length) ThrowBad("Content-Length must be a number.");
     head.length = *length;
     if (*length > 0) head.framing = BodyFraming::kLength;
@@ -99,7 +99,7 @@ std::optional<std::uint64_t> Digits(std::string_view text) {
   return NumberOf<std::uint64_t>(text).value_or(std::numeric_limits<std::uint64_t>::max());
 }
 
-void ReadRequestHead(std::string_view text, RequestHead& head) {
+void ReadRequestHead(std::string_view text, Request& head) {
   for (bool first = true; !text.empty(); first = false) {
     const std::size_t end = text.find('\n');
     if (end == text.npos || end == 0 || text[end - 1] != '\r') {
@@ -127,38 +127,27 @@ std::size_t EndOfHead(std::string_view received, std::size_t from) {
 // One character that is not content: of "SIZE [;extension] CR LF", or of the line ends. The size is
 // hexadecimal and nothing else: no sign, no "0x", no spaces, which some programs take and some not.
 ChunkedBody::State ChunkedBody::TakeFraming(char c) {
-  const auto expect = [&](char wanted, Part next) {
-    part_ = next;
-    return c == wanted ? State::kGoesOn : State::kBroken;
-  };
-  switch (part_) {
-    case Part::kSize:
-      if (++line_bytes_ > kMostSizeLineBytes) return State::kBroken;
-      if (const int digit = HexValue(c); digit >= 0) {
-        left_ = left_ * 16 + static_cast<std::uint64_t>(digit);
-        return total_ + left_ > most_bytes_ ? State::kTooLarge : State::kGoesOn;
-      }
-      if (line_bytes_ == 1) return State::kBroken;  // no digit
-      return c == ';' ? expect(';', Part::kExtension) : expect('\r', Part::kSizeLf);
-    case Part::kExtension:
-      if (c == '\r') return expect('\r', Part::kSizeLf);
-      return ++line_bytes_ > kMostSizeLineBytes || IsControl(c) ? State::kBroken : State::kGoesOn;
-    case Part::kSizeLf:
-      total_ += left_;
-      line_bytes_ = 0;
-      return expect('\n', left_ == 0 ? Part::kLastCr : Part::kData);
-    case Part::kDataCr:
-      return expect('\r', Part::kDataLf);
-    case Part::kDataLf:
-      return expect('\n', Part::kSize);
-    case Part::kLastCr:  // trailer fields are not taken
-      return expect('\r', Part::kLastLf);
-    case Part::kLastLf:
-      return expect('\n', Part::kSize) == State::kGoesOn ? State::kEnded : State::kBroken;
-    case Part::kData:
-      break;
+  if (!line_end_.empty()) {
+    if (c != line_end_.front()) return State::kBroken;
+    line_end_.remove_prefix(1);
+    return line_end_.empty() && is_last_ ? State::kEnded : State::kGoesOn;
   }
-  return State::kBroken;
+  if (c == '\r' && line_bytes_ > 0) {
+    total_ += left_;
+    is_last_ = left_ == 0;
+    line_end_ = is_last_ ? "\n\r\n" : "\n";  // trailer fields are not taken
+    line_bytes_ = 0;
+    in_extension_ = false;
+    return State::kGoesOn;
+  }
+  if (++line_bytes_ > kMostSizeLineBytes) return State::kBroken;
+  if (in_extension_) return IsControl(c) ? State::kBroken : State::kGoesOn;
+  if (const int digit = HexValue(c); digit >= 0) {
+    left_ = left_ * 16 + static_cast<std::uint64_t>(digit);
+    return total_ + left_ > most_bytes_ ? State::kTooLarge : State::kGoesOn;
+  }
+  in_extension_ = c == ';' && line_bytes_ > 1;  // behind a digit
+  return in_extension_ ? State::kGoesOn : State::kBroken;
 }
 
 ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used,
@@ -166,7 +155,7 @@ ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used,
   State state = State::kGoesOn;
   std::size_t at = 0;
   while (state == State::kGoesOn && at < bytes.size()) {
-    if (part_ != Part::kData) {
+    if (left_ == 0 || line_bytes_ > 0 || !line_end_.empty()) {
       state = TakeFraming(bytes[at++]);
       continue;
     }
@@ -174,7 +163,7 @@ ChunkedBody::State ChunkedBody::Take(std::string_view bytes, std::size_t* used,
     if (content != nullptr) content->append(bytes.substr(at, here));
     at += here;
     left_ -= here;
-    if (left_ == 0) part_ = Part::kDataCr;
+    if (left_ == 0) line_end_ = "\r\n";
   }
   *used = at;
   return state;

@@ -23,23 +23,12 @@ namespace pliant::server {
 inline constexpr const char* kTooManyRequests =
     "Too many requests at the moment. Try again shortly.";
 
-enum class BodyFraming { kNone, kLength, kChunked };
-
-struct RequestHead {
-  std::string method = {};
-  std::string target = {};
-  bool is_http_1_0 = false;
-  HeaderFields fields = {};  // without the spaces around their values
-  BodyFraming framing = BodyFraming::kNone;
-  std::uint64_t length = 0;  // of the body, for kLength; saturated
-};
-
 // Reads a head with its request line and its empty last line. Throws ProblemError "bad_request" for
 // unknown methods and versions, lines that do not end in CRLF or are too long, control characters,
 // folded fields, fields without a name that is a token (section 5.1), lengths that are no number or
 // occur twice, a length beside chunks (section 6.3); "headers_too_large" for too many fields;
 // "unsupported_transfer_encoding" for other than chunks. `head` then has what came before.
-void ReadRequestHead(std::string_view text, RequestHead& head);
+void ReadRequestHead(std::string_view text, Request& head);
 
 // The number that the digits give, or the largest for more than 64 bits; nothing for other text.
 std::optional<std::uint64_t> Digits(std::string_view text);
@@ -61,14 +50,16 @@ class ChunkedBody {
   State Take(std::string_view bytes, std::size_t* used, std::string* content = nullptr);
 
  private:
-  enum class Part { kSize, kExtension, kSizeLf, kData, kDataCr, kDataLf, kLastCr, kLastLf };
   State TakeFraming(char c);
 
   std::uint64_t most_bytes_;
   std::uint64_t total_ = 0;  // of the chunks so far
   std::uint64_t left_ = 0;   // of this chunk
+  bool is_last_ = false;     // this chunk
+  // Of the line with its size, while that is read.
   std::size_t line_bytes_ = 0;
-  Part part_ = Part::kSize;
+  bool in_extension_ = false;
+  std::string_view line_end_ = {};  // to come next
 };
 
 // Bytes of all connections that are in memory at once: received bodies and unsent answers.
@@ -98,7 +89,7 @@ class RequestReader {
   bool ReadHead();
   bool ReadBody();  // after ReadHead(); asked again, it returns the same
 
-  const RequestHead& head() const { return head_; }
+  const Request& head() const { return head_; }
   // The body goes there, whatever its length. Before the first ReadBody().
   void ReceiveInto(std::shared_ptr<BodySink> sink);
   bool has_sink() const { return sink_ != nullptr; }
@@ -123,7 +114,7 @@ class RequestReader {
   std::string buffer_;        // received and not read
   std::size_t begin_ = 0;     // of the request's head
   std::size_t searched_ = 0;  // for the end of the head
-  RequestHead head_;
+  Request head_;
   ChunkedBody chunks_{0};
   bool body_ended_ = false;
   std::string body_;

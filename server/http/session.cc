@@ -39,43 +39,44 @@ std::string Printable(std::string_view text) {
 
 }  // namespace
 
-Session::Session(SessionContext& context, RequestHead head, const std::string& remote_address,
+Session::Session(SessionContext& context, Request head, const std::string& remote_address,
                  std::chrono::steady_clock::time_point begun, bool is_last)
-    : context_(context), begun_(begun), head_(std::move(head)) {
-  request_.method = head_.method == "HEAD" ? "GET" : head_.method;
-  const std::size_t mark = std::min(head_.target.find('?'), head_.target.size());
-  request_.path = head_.target.substr(0, mark);
-  httplib::detail::parse_query_text(head_.target.substr(mark).erase(0, 1), request_.query);
-  request_.headers = std::move(head_.fields);
-  if (head_.method == "HEAD") request_.headers.erase("Range");  // RFC 9110, section 14.2
-  request_.has_body = head_.framing != BodyFraming::kNone;
+    : context_(context), begun_(begun), request_(std::move(head)) {
+  if (!request_.method.empty()) record_.method = request_.method;
+  if (request_.method == "HEAD") {
+    request_.method = "GET";
+    request_.headers.erase("Range");  // RFC 9110, section 14.2
+  }
+  const std::size_t mark = std::min(request_.target.find('?'), request_.target.size());
+  request_.path = request_.target.substr(0, mark);
+  httplib::detail::parse_query_text(request_.target.substr(mark).erase(0, 1), request_.query);
+  request_.has_body = request_.framing != BodyFraming::kNone;
   request_.remote_address = record_.remote_address = remote_address;
   const std::string type = request_.header("Content-Type");
   request_.content_type = Lower(Trimmed(type.substr(0, type.find(';'))));
   const std::string id = request_.header("X-Request-Id");
   request_.id = record_.id = IsRequestId(id) ? id : RandomHex(16);
-  if (!head_.method.empty()) record_.method = head_.method;
   if (!request_.path.empty()) record_.path = Printable(request_.path);
   const std::string connection = Lower(request_.header("Connection"));
   const bool closes = connection.find("close") != std::string::npos;
   const bool keeps = connection.find("keep-alive") != std::string::npos;
-  keeps_open_ = !is_last && !closes && (keeps || !head_.is_http_1_0);
+  keeps_open_ = !is_last && !closes && (keeps || !request_.is_http_1_0);
 }
 
 bool Session::asks_for_health() const {
   const std::string& path = request_.path;
-  return head_.framing == BodyFraming::kNone &&
+  return request_.framing == BodyFraming::kNone &&
          (path == "/livez" || path == "/readyz" || path == "/metrics");
 }
 
 bool Session::expects_continue() const {
-  return !head_.is_http_1_0 && Lower(request_.header("Expect")) == "100-continue";
+  return !request_.is_http_1_0 && Lower(request_.header("Expect")) == "100-continue";
 }
 
 bool Session::takes_body_first() const {
-  return head_.framing == BodyFraming::kLength && head_.length <= context_.options.max_body_bytes &&
-         !expects_continue() && !request_.headers.contains("Content-Encoding") &&
-         context_.admitted.Has(request_);
+  return request_.framing == BodyFraming::kLength &&
+         request_.length <= context_.options.max_body_bytes && !expects_continue() &&
+         !request_.headers.contains("Content-Encoding") && context_.admitted.Has(request_);
 }
 
 void Session::TakeBody(std::string body, std::uint64_t bytes) {
@@ -111,7 +112,7 @@ void Session::Serve() {
 // preflight.
 std::optional<Response> Session::Check() {
   // HTTP/1.0, which no browser speaks, does without the header.
-  if (!head_.is_http_1_0 && request_.headers.count("Host") != 1) {
+  if (!request_.is_http_1_0 && request_.headers.count("Host") != 1) {
     throw ProblemError("bad_request", "A request needs exactly one Host header.");
   }
   const std::string coding = Lower(request_.header("Content-Encoding"));
@@ -126,7 +127,7 @@ std::optional<Response> Session::Check() {
                                    "allow it with --allowed-hosts.",
                                    Shown(host->second)));
   }
-  if (request_.path.size() > kMostPathBytes || head_.target.size() > kMostTargetBytes) {
+  if (request_.path.size() > kMostPathBytes || request_.target.size() > kMostTargetBytes) {
     throw ProblemError("uri_too_long", "The address is too long.");
   }
   request_.segments = SplitPath(request_.path);
@@ -155,11 +156,11 @@ std::optional<Response> Session::Check() {
     request_.body = {};
   }
   // Chunks can have any number of bytes in total.
-  const bool is_long =
-      head_.framing == BodyFraming::kChunked || head_.length > context_.options.max_body_bytes;
+  const bool is_long = request_.framing == BodyFraming::kChunked ||
+                       request_.length > context_.options.max_body_bytes;
   if (request_.has_body && route_->receive && is_long) {
     const Parameters checked(*route_, request_);
-    request_.received = route_->receive(request_, head_.length);
+    request_.received = route_->receive(request_, request_.length);
   }
   return std::nullopt;
 }
@@ -222,10 +223,10 @@ void Session::MakeAnswer(Response response) {
   context_.compressor.Compress(request_, response);
   const std::uint64_t bytes = response.file ? response.file->size() : response.body.size();
   // The rest of the connection cannot be read where the body is still on its way.
-  answer_.keeps_open =
-      keeps_open_ && !context_.stopping && (head_.framing == BodyFraming::kNone || has_whole_body_);
+  answer_.keeps_open = keeps_open_ && !context_.stopping &&
+                       (request_.framing == BodyFraming::kNone || has_whole_body_);
   answer_.text = HeadOf(response, bytes);
-  if (head_.method != "HEAD") {
+  if (record_.method != "HEAD") {
     answer_.file = std::move(response.file);
     answer_.text += response.body;
   }
@@ -265,7 +266,7 @@ std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const
   if (!answer_.keeps_open) {
     add("Connection", "close");
   } else {
-    if (head_.is_http_1_0) add("Connection", "keep-alive");
+    if (request_.is_http_1_0) add("Connection", "keep-alive");
     const auto idle = std::chrono::ceil<std::chrono::seconds>(context_.options.idle_timeout);
     add("Keep-Alive", fmt::format("timeout={}, max={}", idle.count(), kMostRequestsPerConnection));
   }

@@ -77,7 +77,7 @@ class Session {
   enum class Next { kBody, kEvent, kAnswer };
 
   // `begun`: first byte of the request. `is_last`: the connection takes no other after it.
-  Session(SessionContext& context, RequestHead head, const std::string& remote_address,
+  Session(SessionContext& context, Request head, const std::string& remote_address,
           std::chrono::steady_clock::time_point begun, bool is_last);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
@@ -111,7 +111,6 @@ class Session {
   SessionContext& context_;
   const std::chrono::steady_clock::time_point begun_;
   Request request_;
-  RequestHead head_;  // its fields are in request_
   const Route* route_ = nullptr;
   bool has_whole_body_ = false;
   bool keeps_open_;

@@ -24,7 +24,7 @@ int CountLines(const std::string& lower, const std::string& field) {
   return count;
 }
 
-void CheckAccepted(std::string_view head, const pliant::server::RequestHead& read) {
+void CheckAccepted(std::string_view head, const pliant::server::Request& read) {
   std::string lower(head);
   std::transform(lower.begin(), lower.end(), lower.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -66,7 +66,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   CheckEnd(text);
   const std::size_t end = std::min(EndOfHead(text, 0), text.size());
   for (const std::string_view head : {text.substr(0, end), text}) {
-    pliant::server::RequestHead read;
+    pliant::server::Request read;
     try {
       pliant::server::ReadRequestHead(head, read);
       CheckAccepted(head, read);

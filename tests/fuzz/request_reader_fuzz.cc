@@ -13,7 +13,7 @@ namespace {
 
 using pliant::fuzz::Require;
 using pliant::server::BodyFraming;
-using pliant::server::RequestHead;
+using pliant::server::Request;
 using pliant::server::RequestReader;
 
 constexpr std::size_t kMostInput = 32 * 1024;
@@ -31,14 +31,14 @@ struct Outcome {
 };
 
 // The next request; nothing when it has not arrived as a whole. Throws for one that is refused.
-std::optional<Outcome> Next(RequestReader& reader, std::optional<RequestHead>& head) {
+std::optional<Outcome> Next(RequestReader& reader, std::optional<Request>& head) {
   if (!head) {
     if (!reader.ReadHead()) return std::nullopt;
     head = reader.head();
   }
   if (!reader.ReadBody()) return std::nullopt;
   Require(reader.body_left() == 0, "nothing of a body is left");
-  Outcome outcome{true, head->target, head->fields, head->framing, reader.TakeBody()};
+  Outcome outcome{true, head->target, head->headers, head->framing, reader.TakeBody()};
   Require(outcome.body.size() == reader.body_bytes(), "a body has the bytes that were counted");
   return outcome;
 }
@@ -49,7 +49,7 @@ std::vector<Outcome> Receive(std::string_view text, std::size_t split) {
   std::vector<Outcome> outcomes;
   {
     RequestReader reader(kMostHeader, kMostBody, &budget);
-    std::optional<RequestHead> head;
+    std::optional<Request> head;
     bool refused = false;
     for (const std::string_view part : {text.substr(0, split), text.substr(split)}) {
       reader.Append(part);

@@ -10,8 +10,8 @@
 namespace pliant::server {
 namespace {
 
-RequestHead HeadOf(const std::string& text) {
-  RequestHead head;
+Request HeadOf(const std::string& text) {
+  Request head;
   ReadRequestHead(text, head);
   return head;
 }
@@ -24,7 +24,7 @@ std::string CodeOf(const std::string& fields, const std::string& line = "POST /x
 TEST(RequestHead, ReadsFraming) {
   EXPECT_EQ(HeadOf("GET / HTTP/1.1\r\nHost: a\r\n\r\n").framing, BodyFraming::kNone);
   const std::string head = "PUT /a?b=c HTTP/1.1\r\nhOsT: a\r\ncontent-LENGTH:\t 69 \r\n\r\n";
-  const RequestHead length = HeadOf(head);
+  const Request length = HeadOf(head);
   EXPECT_EQ(length.framing, BodyFraming::kLength);
   EXPECT_EQ(length.length, 69U);
   EXPECT_EQ(length.target, "/a?b=c");
@@ -150,7 +150,7 @@ TEST(RequestHead, AnythingIsReadWithoutFail) {
   for (int round = 0; round < 20'000; ++round) {
     std::string text = base;
     for (int i = 0; i < 3; ++i) text[random() % text.size()] = static_cast<char>(random());
-    RequestHead head;
+    Request head;
     ProblemOf([&] { ReadRequestHead(text, head); });
     EXPECT_LE(head.target.size(), text.size());
     std::size_t used = 0;
