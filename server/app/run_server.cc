@@ -25,6 +25,7 @@
 #include "server/auth/gate.h"
 #include "server/http/http_server.h"
 #include "server/http/json.h"
+#include "server/http/problem.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
@@ -225,7 +226,12 @@ int RunServer(const ServerOptions& options) {
     const Router router(MakeRoutes(service));
     HttpServer http(
         router, http_options,
-        [&gate](const Route& route, Request& request) { gate.Admit(route, request); },
+        [&](const Route& route, Request& request) {
+          gate.Admit(route, request);
+          if (route.needs_index && !service.ready()) {
+            throw ProblemError("starting", "The index is still loading. Try again shortly.");
+          }
+        },
         [&service](const RequestRecord& record) {
           service.metrics.OnRequest(record);
           LogRequest(record);
@@ -233,7 +239,6 @@ int RunServer(const ServerOptions& options) {
     http.Start();
     RunUnlessStopped(signals, [&] { service.Open(); });  // /livez answers meanwhile
     keys.Open();
-    http.SetReady(true);
     std::printf("listening on %s\n", AddressText(http_options, http.port()).c_str());
     std::fflush(stdout);
     int signal = 0;

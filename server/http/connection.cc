@@ -209,23 +209,17 @@ bool Connection::Serve() {
   Workers& workers = session_->asks_for_health() ? context_.health : context_.requests;
   const bool taken = workers.Run(
       [self = shared_from_this(), session = session_] {
-        session->Serve();
-        self->context_.loop.Post([self] { self->Run([&] { return self->OnServed(); }); });
+        const Session::Next next = session->Serve();
+        self->context_.loop.Post([=] { self->Run([&] { return self->OnServed(next); }); });
       },
       has_waited);
   if (taken) return false;
   throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
 }
 
-bool Connection::OnServed() {
-  switch (session_->next()) {
-    case Session::Next::kAnswer:
-      return SendAnswer();
-    case Session::Next::kEvent:
-      return AwaitEvent();
-    case Session::Next::kBody:
-      break;
-  }
+bool Connection::OnServed(Session::Next next) {
+  if (next == Session::Next::kAnswer) return SendAnswer();
+  if (next == Session::Next::kEvent) return AwaitEvent();
   reader_.ReceiveInto(session_->sink());
   reader_.ReadBody();
   // Nothing else is being sent, so a socket that has no room for this is broken.

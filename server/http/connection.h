@@ -98,7 +98,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool ReceiveHead();
   bool ReceiveBody();
   bool Serve();
-  bool OnServed();
+  bool OnServed(Session::Next next);
   bool AwaitEvent();
   bool Refuse(const ProblemError& error);
   bool SendAnswer();

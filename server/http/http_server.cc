@@ -91,7 +91,6 @@ class HttpServer::Impl final : public httplib::Server {
     return cut_off;
   }
 
-  void SetReady(bool ready) { context_.sessions.ready = ready; }
   int port() const { return port_; }
 
  private:
@@ -171,7 +170,6 @@ HttpServer::~HttpServer() = default;
 
 int HttpServer::port() const { return impl_->port(); }
 void HttpServer::Start() { impl_->Start(); }
-void HttpServer::SetReady(bool ready) { impl_->SetReady(ready); }
 std::size_t HttpServer::Drain(std::chrono::milliseconds deadline) { return impl_->Drain(deadline); }
 
 }  // namespace pliant::server

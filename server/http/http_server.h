@@ -68,9 +68,6 @@ class HttpServer {
   int port() const;
   void Start();
 
-  // While `ready` is false, routes that need the index are answered with "starting".
-  void SetReady(bool ready);
-
   // Accepts no more connections, lets running requests finish for at most `deadline`, then closes
   // the others. Returns how many it closed.
   std::size_t Drain(std::chrono::milliseconds deadline);

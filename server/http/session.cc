@@ -85,27 +85,24 @@ void Session::TakeBody(std::string body, std::uint64_t bytes) {
   has_whole_body_ = true;
 }
 
-void Session::Serve() {
-  next_ = Next::kAnswer;
+Session::Next Session::Serve() {
   try {
     request_.waited = std::exchange(wait_, nullptr) != nullptr;
-    if (route_ == nullptr) {
-      if (auto answer = Check()) return MakeAnswer(std::move(*answer));
+    if (auto answer = route_ == nullptr ? Check() : std::nullopt) {
+      MakeAnswer(std::move(*answer));
+      return Next::kAnswer;
     }
-    if (request_.has_body && !has_whole_body_) {
-      next_ = Next::kBody;
-      return;
-    }
-    RunHandler();
+    if (request_.has_body && !has_whole_body_) return Next::kBody;
+    if (RunHandler() == Next::kEvent) return Next::kEvent;
   } catch (...) {
     const Problem problem = CurrentProblem();
     keeps_open_ = keeps_open_ && (route_ != nullptr || problem.code != "bad_request");
     AnswerProblem(problem);
   }
-  if (next_ != Next::kAnswer) return;
   request_.received.reset();  // on this thread: a sink can have files to remove
   request_.body = {};
   request_.parts.clear();
+  return Next::kAnswer;
 }
 
 // Checks the whole head before a long body is sent for nothing. Returns the answer to a browser's
@@ -147,9 +144,6 @@ std::optional<Response> Session::Check() {
   if (route_->needs_index && context_.stopping) {
     throw ProblemError("stopping", "The server is stopping.");
   }
-  if (route_->needs_index && !context_.ready) {
-    throw ProblemError("starting", "The index is still loading. Try again shortly.");
-  }
   CheckContentType(*route_, request_);
   if (route_->body == BodyKind::kNone) {  // a body means nothing
     request_.has_body = false;
@@ -176,21 +170,19 @@ void Session::Admit() {
   if (route_->scope != Scope::kPublic) context_.admitted.Note(request_, true);
 }
 
-void Session::RunHandler() {
+Session::Next Session::RunHandler() {
   if (!request_.received && request_.has_body && request_.is_multipart()) {
     request_.parts = ParseMultipart(request_.header("Content-Type"),
                                     std::exchange(request_.body, {}), kMostParts);
   }
   const Parameters parameters(*route_, request_);
   Response response = route_->handler(request_, parameters);
-  if (response.wait) {
-    BeginWait(std::move(*response.wait));
-  } else {
-    MakeAnswer(UnderConditions(request_, std::move(response)));
-  }
+  if (response.wait) return BeginWait(std::move(*response.wait));
+  MakeAnswer(UnderConditions(request_, std::move(response)));
+  return Next::kAnswer;
 }
 
-void Session::BeginWait(Wait wait) {
+Session::Next Session::BeginWait(Wait wait) {
   if (request_.waited || route_->body != BodyKind::kNone) {
     throw std::logic_error("route " + route_->name + " cannot wait here");
   }
@@ -203,7 +195,7 @@ void Session::BeginWait(Wait wait) {
     throw ProblemError("busy", "Too many requests are waiting. Try again without waiting.",
                        {.retry_after_s = 5});
   }
-  next_ = Next::kEvent;
+  return Next::kEvent;
 }
 
 void Session::Refuse(const Problem& problem, std::uint64_t body_bytes) {
@@ -219,7 +211,6 @@ void Session::AnswerProblem(const Problem& problem) {
 }
 
 void Session::MakeAnswer(Response response) {
-  next_ = Next::kAnswer;
   context_.compressor.Compress(request_, response);
   const std::uint64_t bytes = response.file ? response.file->size() : response.body.size();
   // The rest of the connection cannot be read where the body is still on its way.

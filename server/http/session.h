@@ -56,7 +56,6 @@ struct SessionContext {
   const std::function<void(const RequestRecord&)> on_request;
   const OriginPolicy origins{options.allowed_origins};
   const AllowedHosts allowed_hosts{options.host, options.allowed_hosts};
-  std::atomic<bool> ready{false};
   std::atomic<bool> stopping{false};
   std::atomic<int> waiting{0};  // requests that wait for an event (Wait)
   AdmittedKeys admitted = {};
@@ -72,9 +71,11 @@ class Session {
     std::shared_ptr<const BodyFile> file = {};  // the body otherwise
     bool keeps_open = false;                    // another request can follow
   };
-  // The next step of the request: receive its body, wait for its handler's event (see wait()), or
-  // send its answer.
-  enum class Next { kBody, kEvent, kAnswer };
+  enum class Next {
+    kBody,   // receive the body
+    kEvent,  // wait for the handler's event, see wait()
+    kAnswer
+  };
 
   // `begun`: first byte of the request. `is_last`: the connection takes no other after it.
   Session(SessionContext& context, Request head, const std::string& remote_address,
@@ -90,9 +91,8 @@ class Session {
   void TakeBody(std::string body, std::uint64_t bytes);
   std::shared_ptr<BodySink> sink() const { return request_.received; }  // for the body; can be null
 
-  // Checks the request and runs its handler as far as possible: next() says what it needs.
-  void Serve();
-  Next next() const { return next_; }
+  // Checks the request and runs its handler as far as possible. Returns what it needs.
+  Next Serve();
   const Wait& wait() const { return *wait_; }
 
   // Answers with the problem; `body_bytes` were received.
@@ -102,8 +102,8 @@ class Session {
  private:
   std::optional<Response> Check();
   void Admit();
-  void RunHandler();
-  void BeginWait(Wait wait);
+  Next RunHandler();
+  Next BeginWait(Wait wait);
   void AnswerProblem(const Problem& problem);
   void MakeAnswer(Response response);
   std::string HeadOf(const Response& response, std::uint64_t bytes) const;
@@ -115,7 +115,6 @@ class Session {
   bool has_whole_body_ = false;
   bool keeps_open_;
   std::shared_ptr<Wait> wait_;  // counted in context_.waiting
-  Next next_ = Next::kAnswer;
   Answer answer_;
   RequestRecord record_;
 };
