@@ -291,7 +291,7 @@ const Parameter& Parameters::Spec(const std::string& name) const {
 }
 
 std::optional<std::string> Parameters::Text(const std::string& name) const {
-  const auto value = Value<Json>(name, Spec(name).type);
+  const auto value = Get<Json>(name);
   if (!value) return std::nullopt;
   return value->is_string() ? value->get<std::string>() : ToText(*value);
 }

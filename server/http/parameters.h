@@ -47,22 +47,12 @@ class Parameters {
   }
   bool takes(const std::string& name) const;  // whether the route has a parameter of that name
 
-  // Absent = nothing. Throws std::logic_error unless `name` is one of the route's parameters and
-  // has the type asked for.
-  std::optional<std::int64_t> Integer(const std::string& name) const {
-    return Value<std::int64_t>(name, Parameter::Type::kInteger);
-  }
-  std::optional<double> Number(const std::string& name) const {
-    return Value<double>(name, Parameter::Type::kNumber);
-  }
-  std::optional<std::vector<double>> Numbers(const std::string& name) const {
-    return Value<std::vector<double>>(name, Parameter::Type::kNumbers);
-  }
-  std::optional<bool> Flag(const std::string& name) const {
-    return Value<bool>(name, Parameter::Type::kBoolean);
-  }
-  std::optional<Json> JsonList(const std::string& name) const {
-    return Value<Json>(name, Parameter::Type::kJsonList);
+  // Absent = nothing. `T` is std::int64_t, double, std::vector<double>, bool or Json, as the type
+  // of the parameter is. Throws std::logic_error unless `name` is one of the route's parameters.
+  template <typename T>
+  std::optional<T> Get(const std::string& name) const {
+    const auto found = values_.find(Spec(name).name);
+    return found == values_.end() ? std::nullopt : std::optional(found->second.get<T>());
   }
   std::optional<std::string> Text(const std::string& name) const;  // of any type; JSON on one line
   // Null = absent; owned by this. Without a name: the image in a JSON body, beside the parameters.
@@ -71,7 +61,7 @@ class Parameters {
   template <typename T>
   std::optional<T> Choice(const std::string& name,
                           const std::vector<std::pair<std::string, T>>& choices) const {
-    const auto text = Value<std::string>(name, Parameter::Type::kChoice);
+    const auto text = Get<std::string>(name);
     if (!text) return std::nullopt;
     for (const auto& [choice, value] : choices) {
       if (choice == *text) return value;
@@ -84,14 +74,6 @@ class Parameters {
   void InsertText(const std::string& name, const std::string& text);
   void Insert(const Parameter& spec, Json value);
   const Parameter& Spec(const std::string& name) const;
-
-  template <typename T>
-  std::optional<T> Value(const std::string& name, Parameter::Type type) const {
-    if (Spec(name).type != type) throw std::logic_error("parameter " + name + " has another type");
-    const auto found = values_.find(name);
-    if (found == values_.end()) return std::nullopt;
-    return found->second.get<T>();
-  }
 
   const Route& route_;
   std::map<std::string, Json> values_;

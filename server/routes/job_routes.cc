@@ -39,7 +39,7 @@ Response List(Service& service, const Request& request, const Parameters&) {
 Response Get(Service& service, const Request& request, const Parameters& parameters) {
   JobStore& jobs = *service.jobs;
   const JobStatus job = JobOf(jobs, request);
-  const std::chrono::duration<double> patience(parameters.Number("wait").value_or(0));
+  const std::chrono::duration<double> patience(parameters.Get<double>("wait").value_or(0));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
   }

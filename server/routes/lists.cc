@@ -36,7 +36,7 @@ Parameter LimitParameter() {
 }
 
 int PageLimit(const Parameters& parameters) {
-  return static_cast<int>(parameters.Integer("limit").value_or(kDefaultPage));
+  return static_cast<int>(parameters.Get<std::int64_t>("limit").value_or(kDefaultPage));
 }
 
 Json CursorJson(const std::string& list, const std::optional<std::string>& after) {
@@ -125,7 +125,7 @@ PageOptions PageOptionsOf(const Parameters& parameters, const std::string& ident
   page.limit = PageLimit(parameters);
   page.descending = parameters.Text("sort").value_or("").starts_with('-');
   page.after = AfterFromCursor(parameters, identity);
-  page.count = parameters.Flag("count").value_or(false);
+  page.count = parameters.Get<bool>("count").value_or(false);
   page.facets = FacetsOf(parameters);
   return page;
 }

@@ -87,7 +87,7 @@ Response Patch(Service& service, const Request& request, const Parameters& param
   if (name->empty()) ThrowInvalid("object", "object must not be empty.");
   ObjectChange change;
   change.name = *name;
-  change.merge = parameters.Flag("merge").value_or(false);
+  change.merge = parameters.Get<bool>("merge").value_or(false);
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));
   };

@@ -108,8 +108,8 @@ Region RegionOf(const std::vector<double>& numbers) {
 SearchOptions OptionsOf(const Parameters& parameters, const std::string& collection) {
   SearchOptions options;
   options.collection = collection;
-  options.limit = static_cast<std::size_t>(parameters.Integer("limit").value_or(10));
-  options.offset = static_cast<std::size_t>(parameters.Integer("offset").value_or(0));
+  options.limit = static_cast<std::size_t>(parameters.Get<std::int64_t>("limit").value_or(10));
+  options.offset = static_cast<std::size_t>(parameters.Get<std::int64_t>("offset").value_or(0));
   options.group_by =
       parameters
           .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
@@ -122,24 +122,26 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
                        .Choice<Verification>(
                            "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
                        .value_or(options.verify);
-  options.min_score = parameters.Number("min_score").value_or(0);
+  options.min_score = parameters.Get<double>("min_score").value_or(0);
   options.object = parameters.Text("object");
-  options.verify_depth = static_cast<std::size_t>(parameters.Integer("verify_depth").value_or(0));
-  if (const auto expand = parameters.Integer("expand")) {
+  options.verify_depth =
+      static_cast<std::size_t>(parameters.Get<std::int64_t>("verify_depth").value_or(0));
+  if (const auto expand = parameters.Get<std::int64_t>("expand")) {
     options.expand = static_cast<int>(*expand);
   }
   options.max_instances =
-      static_cast<int>(parameters.Integer("instances").value_or(options.max_instances));
+      static_cast<int>(parameters.Get<std::int64_t>("instances").value_or(options.max_instances));
   if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
-  options.explain = parameters.Flag("explain").value_or(options.explain);
-  options.second_pass = parameters.Flag("closer_look").value_or(options.second_pass);
-  if (const auto numbers = parameters.Numbers("region")) options.region = RegionOf(*numbers);
+  options.explain = parameters.Get<bool>("explain").value_or(options.explain);
+  options.second_pass = parameters.Get<bool>("closer_look").value_or(options.second_pass);
+  if (const auto numbers = parameters.Get<std::vector<double>>("region"))
+    options.region = RegionOf(*numbers);
   return options;
 }
 
 std::vector<std::string> ExamplesOf(const Parameters& parameters) {
   std::vector<std::string> ids;
-  const auto list = parameters.JsonList("image_ids");
+  const auto list = parameters.Get<Json>("image_ids");
   if (!list) return ids;
   if (list->empty() || list->size() > kMaxExamples) {
     ThrowInvalid("image_ids",
@@ -173,7 +175,8 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
     ThrowInvalid("region", "region cannot be combined with image_ids.");
   }
   if (query.image_id) {
-    if (parameters.Flag("exclude_self").value_or(true)) query.options.without = {*query.image_id};
+    if (parameters.Get<bool>("exclude_self").value_or(true))
+      query.options.without = {*query.image_id};
   } else if (parameters.has("exclude_self")) {
     ThrowInvalid("exclude_self", "exclude_self needs image_id.");
   }
@@ -270,8 +273,8 @@ std::string Preview(Service& service, const SearchQuery& query) {
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const Stopwatch watch;
-  const bool draws = parameters.Flag("draw").value_or(false);
-  const bool previews = parameters.Flag("preview").value_or(false);
+  const bool draws = parameters.Get<bool>("draw").value_or(false);
+  const bool previews = parameters.Get<bool>("preview").value_or(false);
   // The search resolves the name. A stored query image is read after it, from the same collection.
   const bool reads_stored = parameters.has("image_id") && (draws || previews);
   const SearchQuery query = SearchQueryOf(
@@ -322,7 +325,7 @@ Json ResultOf(Service& service, const Request& batch, const std::string& collect
 // All searches of a batch use the same collection, even if its alias moves meanwhile.
 Response SearchBatch(Service& service, const Request& request, const Parameters& parameters) {
   const std::string collection = CollectionOf(service, request);
-  const Json searches = parameters.JsonList("searches").value_or(Json::array());
+  const Json searches = parameters.Get<Json>("searches").value_or(Json::array());
   if (searches.empty() || searches.size() > kMostSearches) {
     ThrowInvalid("searches",
                  "searches must have 1 to " + std::to_string(kMostSearches) + " searches.");

@@ -30,12 +30,13 @@ Response List(Service& service, const Request& request, const Parameters&) {
 Response Train(Service& service, const Request& request, const Parameters& parameters) {
   TrainOptions options;
   options.collection = CollectionOf(service, request);
-  options.words = static_cast<int>(parameters.Integer("words").value_or(options.words));
-  options.sample = static_cast<int>(parameters.Integer("sample").value_or(options.sample));
+  options.words = static_cast<int>(parameters.Get<std::int64_t>("words").value_or(options.words));
+  options.sample =
+      static_cast<int>(parameters.Get<std::int64_t>("sample").value_or(options.sample));
   options.seed = static_cast<std::uint64_t>(
-      parameters.Integer("seed").value_or(static_cast<std::int64_t>(options.seed)));
+      parameters.Get<std::int64_t>("seed").value_or(static_cast<std::int64_t>(options.seed)));
   return JobResponse(AddTrainingJob(*service.jobs, options,
-                                    /*activate=*/parameters.Flag("activate").value_or(true)));
+                                    /*activate=*/parameters.Get<bool>("activate").value_or(true)));
 }
 
 [[noreturn]] void ThrowNoVocabulary(const std::string& id) {

@@ -63,18 +63,19 @@ Request RequestOf(std::string_view text) {
 }
 
 void CheckValues(const Parameters& parameters) {
-  const auto whole = parameters.Integer("whole");
+  const auto whole = parameters.Get<std::int64_t>("whole");
   Require(!whole || (*whole >= -5 && *whole <= 1000), "whole numbers are within their bounds");
-  const auto number = parameters.Number("number");
+  const auto number = parameters.Get<double>("number");
   Require(!number || (*number >= 0 && *number <= 1), "numbers are within their bounds");
-  const auto region = parameters.Numbers("region");
+  const auto region = parameters.Get<std::vector<double>>("region");
   Require(!region || region->size() == 4, "a region has four numbers");
   const auto rank = parameters.Choice<int>("rank", {{"a", 1}, {"b", 2}});
   Require(!rank || *rank == 1 || *rank == 2, "a choice is one of its values");
-  Require(parameters.Flag("on").has_value() == parameters.has("on"), "a flag is true or false");
+  Require(parameters.Get<bool>("on").has_value() == parameters.has("on"),
+          "a flag is true or false");
   const auto filter = parameters.Text("filter");
   Require(!filter || filter->starts_with('{'), "an object is one");
-  const auto items = parameters.JsonList("items");
+  const auto items = parameters.Get<pliant::Json>("items");
   Require(!items || items->is_array(), "a list is one");
   const pliant::server::ImageText* second = parameters.Image("second");
   Require((second != nullptr) == parameters.has("second"), "an image is there or not");

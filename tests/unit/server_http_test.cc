@@ -72,9 +72,9 @@ TEST(Router, PathsRoundTrip) {
 class ParametersTest : public testing::Test {
  protected:
   Parameters Make() { return {route_, request_}; }
-  void Make2() {
+  void Ask(const std::string& name) {
     request_.query = {{"must", "x"}};
-    (void)Make().Integer("must");
+    (void)Make().Get<std::int64_t>(name);
   }
 
   Route route_{
@@ -91,24 +91,24 @@ class ParametersTest : public testing::Test {
 
 TEST_F(ParametersTest, ReadsQueryFormAndJsonAlike) {
   request_.query = {{"n", "5"}};
-  EXPECT_EQ(Make().Integer("n"), 5);
+  EXPECT_EQ(Make().Get<std::int64_t>("n"), 5);
   request_.query.clear();
   request_.content_type = "multipart/form-data";
   request_.parts = {{"image", "", "", "image"}, {"n", "", "", "6"}};
-  EXPECT_EQ(Make().Integer("n"), 6);
+  EXPECT_EQ(Make().Get<std::int64_t>("n"), 6);
   request_.parts.clear();
   request_.content_type = "application/json";
   request_.body = R"({"n": 7, "list": [1, 2.5], "kind": "b", "meta": {"a": {"b": 1}}, "x": null,
                        "items": [{}, 1], "on": true})";
   const Parameters json = Make();
-  EXPECT_EQ(json.Integer("n"), 7);
-  EXPECT_EQ(json.Numbers("list"), (std::vector<double>{1, 2.5}));
+  EXPECT_EQ(json.Get<std::int64_t>("n"), 7);
+  EXPECT_EQ(json.Get<std::vector<double>>("list"), (std::vector<double>{1, 2.5}));
   EXPECT_EQ((json.Choice<int>("kind", {{"a", 1}, {"b", 2}})), 2);
   EXPECT_EQ(json.Text("meta"), R"({"a":{"b":1}})");
-  EXPECT_EQ(json.JsonList("items")->size(), 2U);
-  EXPECT_EQ(json.Flag("on"), true);
+  EXPECT_EQ(json.Get<Json>("items")->size(), 2U);
+  EXPECT_EQ(json.Get<bool>("on"), true);
   EXPECT_FALSE(json.has("x"));
-  EXPECT_EQ(json.Number("x"), std::nullopt);
+  EXPECT_EQ(json.Get<double>("x"), std::nullopt);
 }
 
 TEST_F(ParametersTest, TakesNoJsonTypeForAnother) {
@@ -132,9 +132,9 @@ TEST_F(ParametersTest, TakesNoJsonTypeForAnother) {
     for (const std::string& value : values) EXPECT_TRUE(refused(name, value)) << name << value;
   }
   request_.body = R"({"n": 5.0, "x": 1, "list": [-1.5, 2], "on": false, "text": "5"})";
-  EXPECT_EQ(Make().Integer("n"), 5);
-  EXPECT_EQ(Make().Number("x"), 1);
-  EXPECT_EQ(Make().Flag("on"), false);
+  EXPECT_EQ(Make().Get<std::int64_t>("n"), 5);
+  EXPECT_EQ(Make().Get<double>("x"), 1);
+  EXPECT_EQ(Make().Get<bool>("on"), false);
   EXPECT_EQ(Make().Text("text"), "5");
   request_.body = R"({"q": null})";
   EXPECT_EQ(ProblemOf([&] { Make(); }).code, "unknown_parameter") << "also without a value";
@@ -144,7 +144,7 @@ TEST_F(ParametersTest, TakesNoJsonTypeForAnother) {
     EXPECT_EQ(ProblemOf([&] { Make(); }).code, "invalid_json") << twice;
   }
   request_.body = R"({"items": [{"b": {"b": 1}}, {"b": 0}]})";
-  EXPECT_EQ(Make().JsonList("items")->size(), 2U);
+  EXPECT_EQ(Make().Get<Json>("items")->size(), 2U);
 }
 
 TEST_F(ParametersTest, NamesWhatIsWrong) {
@@ -176,7 +176,8 @@ TEST_F(ParametersTest, NamesWhatIsWrong) {
   request_.query.clear();
   route_.parameters.push_back(Parameter("must", "").Required());
   EXPECT_EQ(ProblemOf([&] { Make(); }).code, "missing_parameter");
-  EXPECT_THROW(Make2(), std::logic_error) << "a handler that asks for what the route does not list";
+  EXPECT_THROW(Ask("other"), std::logic_error) << "a handler asks for what the route does not list";
+  EXPECT_THROW(Ask("must"), Json::type_error) << "a handler asks for another type";
 }
 
 TEST(Multipart, ReadsParts) {
