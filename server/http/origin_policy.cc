@@ -46,14 +46,13 @@ std::string WithoutPort(const std::string& host) {
 }  // namespace
 
 AllowedHosts::AllowedHosts(const std::string& listen_host, const std::vector<std::string>& more)
-    : any_(std::find(more.begin(), more.end(), "*") != more.end()),
-      names_{"localhost", Normalized(listen_host), Normalized(MachineName())} {
+    : names_{"localhost", Normalized(listen_host), Normalized(MachineName())} {
   for (const std::string& name : more) names_.insert(Normalized(name));
   names_.erase("");
 }
 
 bool AllowedHosts::Allows(const std::string& host) const {
-  if (any_) return true;
+  if (names_.contains("*")) return true;
   const std::string name = WithoutPort(host);
   if (name.starts_with('[')) {
     return name.ends_with(']') && IsAddress(AF_INET6, name.substr(1, name.size() - 2));
@@ -62,9 +61,7 @@ bool AllowedHosts::Allows(const std::string& host) const {
 }
 
 bool OriginPolicy::Allows(const std::string& origin) const {
-  return !origin.empty() && std::any_of(allowed_.begin(), allowed_.end(), [&](const auto& one) {
-    return one == "*" || one == origin;
-  });
+  return !origin.empty() && (allowed_.contains("*") || allowed_.contains(origin));
 }
 
 bool OriginPolicy::IsPreflight(const Request& request) const {

@@ -27,15 +27,15 @@ class AllowedHosts {
   bool Allows(const std::string& host) const;
 
  private:
-  bool any_ = false;
-  std::set<std::string> names_;  // lower case, without a final dot
+  std::set<std::string> names_;  // lower case, without a final dot; "*" = any
 };
 
 // Immutable.
 class OriginPolicy {
  public:
   // Origins whose pages can send requests ("https://shop.example"); "*" = any.
-  explicit OriginPolicy(std::vector<std::string> allowed) : allowed_(std::move(allowed)) {}
+  explicit OriginPolicy(const std::vector<std::string>& allowed)
+      : allowed_(allowed.begin(), allowed.end()) {}
 
   // Whether a browser asks what a page can send here.
   bool IsPreflight(const Request& request) const;
@@ -52,7 +52,7 @@ class OriginPolicy {
  private:
   bool Allows(const std::string& origin) const;
 
-  std::vector<std::string> allowed_;
+  std::set<std::string> allowed_;
 };
 
 }  // namespace pliant::server

@@ -36,15 +36,18 @@ std::string DecodeSegment(std::string_view text) {
       decoded += text[i];
       continue;
     }
-    const int high = i + 2 < text.size() ? HexValue(text[i + 1]) : -1;
-    const int low = i + 2 < text.size() ? HexValue(text[i + 2]) : -1;
-    if (high < 0 || low < 0) throw ProblemError("bad_request", "The path has an invalid % escape.");
-    decoded += static_cast<char>(high * 16 + low);
+    const auto byte = FromHex(text.substr(i + 1, 2));
+    if (!byte || byte->empty()) {
+      throw ProblemError("bad_request", "The path has an invalid % escape.");
+    }
+    decoded += static_cast<char>(byte->front());
     i += 2;
   }
   if (!IsValidUtf8(decoded)) throw ProblemError("bad_request", "The path must be valid UTF-8.");
   return decoded;
 }
+
+}  // namespace
 
 std::vector<std::string> TypesOf(BodyKind body) {
   switch (body) {
@@ -63,8 +66,6 @@ std::vector<std::string> TypesOf(BodyKind body) {
   }
   return {};
 }
-
-}  // namespace
 
 bool HeedsIdempotencyKey(const Route& route) {
   const bool changes = route.scope == Scope::kWrite || route.scope == Scope::kAdmin;

@@ -89,7 +89,7 @@ struct Answer {
   std::string content_type = "application/json";  // when `schema` or a body; empty = no body
 };
 
-// The body that a route takes; router.cc lists the media types.
+// The body that a route takes.
 enum class BodyKind {
   kNone,  // a body is ignored
   kJson,  // or no body
@@ -98,6 +98,9 @@ enum class BodyKind {
   kBulk,  // NDJSON or tar
   kMergePatch,
 };
+
+// Its media types; image/* are all images.
+std::vector<std::string> TypesOf(BodyKind body);
 
 class Parameters;
 using Handler = std::function<Response(const Request&, const Parameters&)>;

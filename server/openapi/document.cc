@@ -225,22 +225,17 @@ Json FormContent(const Route& route) {
 }
 
 Json RequestBody(const Route& route) {
-  if (route.body == BodyKind::kMergePatch) {
-    const Json patch = {{"schema", {{"$ref", "#/components/schemas/" + route.body_schema}}}};
-    return {{"required", true},
-            {"content", {{"application/merge-patch+json", patch}, {"application/json", patch}}}};
-  }
-  if (route.body == BodyKind::kBulk) {
-    return {{"required", true},
-            {"content", {{kNdjsonType, Json::object()}, {kTarType, Json::object()}}}};
-  }
   Json content = Json::object();
-  if (route.body == BodyKind::kImageOrJson) {
-    content["image/*"] = Json::object();
-    content["application/octet-stream"] = Json::object();
+  for (const std::string& type : TypesOf(route.body)) {
+    Json& one = content[type] = Json::object();
+    if (route.body == BodyKind::kMergePatch) {
+      one = {{"schema", {{"$ref", "#/components/schemas/" + route.body_schema}}}};
+    } else if (type == "multipart/form-data") {
+      one = FormContent(route);
+    } else if (type == "application/json") {
+      one = JsonContent(route);
+    }
   }
-  if (route.body != BodyKind::kJson) content["multipart/form-data"] = FormContent(route);
-  content["application/json"] = JsonContent(route);
   return {{"required", route.body != BodyKind::kJson}, {"content", content}};
 }
 
