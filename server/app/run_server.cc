@@ -218,24 +218,23 @@ int RunServer(const ServerOptions& options) {
     if (options.check_database) {
       RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.database); });
     }
-    const HttpOptions http_options = MakeHttpOptions(options);
+    HttpOptions http_options = MakeHttpOptions(options);
     KeyRing keys(options.database);
     CheckExposure(options, keys.InUse());
     Gate gate(keys, options.rate_limit, options.rate_burst, OpenWithoutKeys(options));
     Service service(MakeServiceOptions(options));
     const Router router(MakeRoutes(service));
-    HttpServer http(
-        router, http_options,
-        [&](const Route& route, Request& request) {
-          gate.Admit(route, request);
-          if (route.needs_index && !service.ready()) {
-            throw ProblemError("starting", "The index is still loading. Try again shortly.");
-          }
-        },
-        [&service](const RequestRecord& record) {
-          service.metrics.OnRequest(record);
-          LogRequest(record);
-        });
+    http_options.admit = [&](const Route& route, Request& request) {
+      gate.Admit(route, request);
+      if (route.needs_index && !service.ready()) {
+        throw ProblemError("starting", "The index is still loading. Try again shortly.");
+      }
+    };
+    http_options.on_request = [&](const RequestRecord& record) {
+      service.metrics.OnRequest(record);
+      LogRequest(record);
+    };
+    HttpServer http(router, http_options);
     http.Start();
     RunUnlessStopped(signals, [&] { service.Open(); });  // /livez answers meanwhile
     keys.Open();

@@ -41,12 +41,8 @@ class PassingQueue final : public httplib::TaskQueue {
 // server/CMakeLists.txt refuses versions with which that was not tried.
 class HttpServer::Impl final : public httplib::Server {
  public:
-  Impl(const Router& router, HttpOptions options, AdmitRequest admit,
-       std::function<void(const RequestRecord&)> on_request)
-      : context_{.sessions = {.options = std::move(options),
-                              .router = router,
-                              .admit = std::move(admit),
-                              .on_request = std::move(on_request)},
+  Impl(const Router& router, HttpOptions options)
+      : context_{.sessions = {.options = std::move(options), .router = router},
                  .on_close = [this](const auto& connection) { OnClose(connection); }} {
     if (!options_.tls_certificate.empty()) {
       tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
@@ -161,10 +157,8 @@ class HttpServer::Impl final : public httplib::Server {
   std::thread accepting_;
 };
 
-HttpServer::HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,
-                       std::function<void(const RequestRecord&)> on_request)
-    : impl_(std::make_unique<Impl>(router, std::move(options), std::move(admit),
-                                   std::move(on_request))) {}
+HttpServer::HttpServer(const Router& router, HttpOptions options)
+    : impl_(std::make_unique<Impl>(router, std::move(options))) {}
 
 HttpServer::~HttpServer() = default;
 

@@ -14,6 +14,22 @@
 
 namespace pliant::server {
 
+// One answered request, for logs and metrics.
+struct RequestRecord {
+  std::string id;
+  std::string remote_address;
+  std::string key_id;        // of the API key, not the key; empty = none
+  std::string method = "-";  // "-" also when the request could not be read
+  std::string path = "-";    // printable, at most 256 bytes, no query
+  std::string route = "-";   // Route::name, or "-"
+  int status = 0;
+  std::string code;      // of the problem; empty when there was none
+  std::string internal;  // why, when the cause must not be told to the client
+  std::size_t bytes_in = 0;
+  std::size_t bytes_out = 0;
+  double seconds = 0;
+};
+
 struct HttpOptions {
   std::string host = "127.0.0.1";
   int port = 8080;                  // 0 = any free one
@@ -36,33 +52,16 @@ struct HttpOptions {
   std::vector<std::string> allowed_origins;
   // The server's host names, in addition to those of AllowedHosts; "*" = any.
   std::vector<std::string> allowed_hosts;
+  // Called after the headers of a request, before its body is read; throws to refuse it.
+  std::function<void(const Route&, Request&)> admit;
+  std::function<void(const RequestRecord&)> on_request;
 };
-
-// One answered request, for logs and metrics.
-struct RequestRecord {
-  std::string id;
-  std::string remote_address;
-  std::string key_id;        // of the API key, not the key; empty = none
-  std::string method = "-";  // "-" also when the request could not be read
-  std::string path = "-";    // printable, at most 256 bytes, no query
-  std::string route = "-";   // Route::name, or "-"
-  int status = 0;
-  std::string code;      // of the problem; empty when there was none
-  std::string internal;  // why, when the cause must not be told to the client
-  std::size_t bytes_in = 0;
-  std::size_t bytes_out = 0;
-  double seconds = 0;
-};
-
-// Called after the headers of a request, before its body is read; throws to refuse it.
-using AdmitRequest = std::function<void(const Route&, Request&)>;
 
 class HttpServer {
  public:
   // Binds at once, so that a port in use is reported before anything else is loaded. Throws Error
   // kUnavailable "address_in_use". `router` must outlive the server.
-  HttpServer(const Router& router, HttpOptions options, AdmitRequest admit,
-             std::function<void(const RequestRecord&)> on_request);
+  HttpServer(const Router& router, HttpOptions options);
   ~HttpServer();
 
   int port() const;

@@ -161,7 +161,7 @@ std::optional<Response> Session::Check() {
 
 void Session::Admit() {
   try {
-    context_.admit(*route_, request_);
+    context_.options.admit(*route_, request_);
   } catch (...) {
     context_.admitted.Note(request_, false);
     throw;
@@ -225,7 +225,7 @@ void Session::MakeAnswer(Response response) {
   record_.bytes_out = bytes;
   record_.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count();
-  context_.on_request(record_);
+  context_.options.on_request(record_);
 }
 
 std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const {

@@ -52,8 +52,6 @@ class AdmittedKeys {
 struct SessionContext {
   const HttpOptions options;
   const Router& router;
-  const AdmitRequest admit;
-  const std::function<void(const RequestRecord&)> on_request;
   const OriginPolicy origins{options.allowed_origins};
   const AllowedHosts allowed_hosts{options.host, options.allowed_hosts};
   std::atomic<bool> stopping{false};

@@ -58,6 +58,8 @@ HttpOptions TestOptions() {
   options.max_header_bytes = 2048;
   options.max_body_bytes = 8192;
   options.allowed_origins = {"https://shop.example"};
+  options.admit = [](const Route&, Request&) {};
+  options.on_request = CheckRecord;
   return options;
 }
 
@@ -67,7 +69,7 @@ HttpServer& TestServer() {
                                MakeRoute("form", "POST", "/form", BodyKind::kImageOrJson),
                                MakeRoute("pair", "PUT", "/form", BodyKind::kPair),
                                MakeRoute("delete", "DELETE", "/x/{id}", BodyKind::kNone)});
-  static HttpServer server(kRouter, TestOptions(), [](const Route&, Request&) {}, CheckRecord);
+  static HttpServer server(kRouter, TestOptions());
   static const bool kStarted = (server.Start(), true);
   static_cast<void>(kStarted);
   return server;
