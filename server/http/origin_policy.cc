@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/origin_policy.h"
 
-#include <algorithm>
 #include <array>
 #include <climits>
 
