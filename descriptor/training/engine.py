@@ -50,7 +50,6 @@ class TrainingStep:
         self.points = torch.from_numpy(SUPERVISED_POINTS).to(device)
         self.teacher = teacher
         if teacher is not None:
-            teacher.to(device)
             weight = teacher.localization.fc1.weight.detach().unflatten(1, (25, -1)).flatten(0, 1)
             self.importance = weight.t() @ weight  # [C, C] of the features, to the first layer
 

@@ -4,16 +4,17 @@
 # One slice of training on a rented machine that is bare and has no network: builds the simulator if
 # it is not there, makes scenes if there are none, continues every unfinished stage from its
 # checkpoint, and leaves the state for the next slice in $OUT (few files below 16 MB; also
-# last.safetensors once the joint stage has begun).
+# last.safetensors once the last stage has begun).
 #
 #   PACK=textures.safetensors OUT=out [STATE=state] [SECONDS_LEFT=540] [SETS="pairs street"] [SCENES=3000] \
-#   [FIRST=1000] [PRESET=gpu] [STAGES="hardnet warp joint"] [INIT=weights.safetensors] \
+#   [FIRST=1000] [PRESET=gpu] [STAGES="hardnet warp joint"] [INIT=weights.safetensors] [TEACHER=weights.safetensors] \
 #   [EIGEN=dir] [NLOHMANN=dir] descriptor/training/gpu_slice.sh
 #
 # SETS: presets of the simulator. FIRST scenes of each are made before training begins, the others up
 # to SCENES during training, FIRST at a time: training looks for new ones after one and two thirds of a
 # stage's time. INIT: weights that the first of the stages starts from; the last stage's rates then
 # fall to nothing at the end of this slice.
+# TEACHER: the weights that STAGES=distill learns from.
 # EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.
 # PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
 # is a new one. Run it from the repository's root. A rehearsal: PRESET=tiny SCENES=6 SECONDS_LEFT=60.
@@ -21,23 +22,24 @@ set -euo pipefail
 : "${PACK:?}" "${OUT:?}"
 SECONDS_LEFT=${SECONDS_LEFT:-540} SETS=${SETS:-pairs street} SCENES=${SCENES:-3000} PRESET=${PRESET:-gpu}
 FIRST=${FIRST:-$(((SCENES + 2) / 3))}
-STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-work} INIT=${INIT:-}
+STAGES=${STAGES:-hardnet warp joint} PYTHON=${PYTHON:-python3} WORK=${WORK:-gpu-work} INIT=${INIT:-} TEACHER=${TEACHER:-}
+last_stage=${STAGES##* }
 SIZE=${SIZE:-480x360} VIEWS=${VIEWS:-5}
 started=$(date +%s)
 left() { echo $((SECONDS_LEFT - $(date +%s) + started)); }
 mkdir -p "$OUT" "$WORK/more" "$WORK/runs"
 
 # The state of the runs, as pieces of 15 MB: logs, the checkpoint of the stage that is not finished, and
-# the weights that later stages start from. The joint stage has all it needs in its own checkpoint.
+# the weights that later stages start from. The last stage has all it needs in its own checkpoint.
 pack() {
   rm -f "$OUT"/state.*
   (
     cd "$WORK/runs"
-    for stage in hardnet warp joint; do
+    for stage in $STAGES; do
       find "$stage" -name '*.csv' -o -name console.log -o -name finished
       if [ ! -e "$stage/finished" ]; then
         find "$stage" -name checkpoint.pt
-      elif [ "$stage" = joint ] || [ ! -e joint/last.safetensors ]; then
+      elif [ "$stage" = "$last_stage" ] || [ ! -e "$last_stage/last.safetensors" ]; then
         echo "$stage/last.safetensors"
       fi
     done 2>/dev/null | tar -c -T -
@@ -112,7 +114,8 @@ for stage in $STAGES; do
     [ "$stage" != joint ] || [ ! -e "$WORK/runs/warp/last.safetensors" ] ||
       warp=(--init-warp "$WORK/runs/warp/last.safetensors")
     clock=()
-    [ "$stage" != "${STAGES##* }" ] || clock=("${until[@]}")
+    [ "$stage" != "$last_stage" ] || clock=("${until[@]}")
+    [ "$stage" != distill ] || clock+=(--teacher "$TEACHER" --shape deal-small)
     for part in ${beside:+3 2} 1; do
       train "$stage" "$((($(left) - 5) / part))" "${init[@]}" "${warp[@]}" "${clock[@]}"
       if tail -n 1 "$run/console.log" | grep -q '^finished'; then touch "$run/finished"; break; fi
@@ -123,6 +126,6 @@ for stage in $STAGES; do
 done
 [ -z "$beside" ] || pkill -P "$beside" || true
 pack
-if [ -e "$WORK/runs/joint/last.safetensors" ]; then cp "$WORK/runs/joint/last.safetensors" "$OUT/"; fi
+if [ -e "$WORK/runs/$last_stage/last.safetensors" ]; then cp "$WORK/runs/$last_stage/last.safetensors" "$OUT/"; fi
 echo "slice done after $(($(date +%s) - started)) s; $(find "$WORK/scenes" -name '*.safetensors' | wc -l) scenes;" \
   "finished: $(cd "$WORK/runs" && ls -d */finished 2>/dev/null | tr '\n' ' ')"

@@ -36,16 +36,17 @@ class Targets:
 class Teacher:
     """Weights that describe scenes. Raises TensorFileError if the file is none of a network."""
 
-    def __init__(self, weights: Path):
+    def __init__(self, weights: Path, device: torch.device = torch.device("cpu")):
         self.model, metadata = load_model(weights)
+        self.device, self.model = device, self.model.to(device)
         self.radius_per_size = float(metadata["radius_per_size"])
         self.sha256 = tensor_file.sha256(weights)
 
     def describe(self, image: np.ndarray, keypoints: np.ndarray) -> Targets:
-        grey = torch.from_numpy(np.array(image)).float().div_(255)
-        theta, rows = self.model.describe(grey, torch.from_numpy(np.array(keypoints)), self.radius_per_size,
-                                          supports=POOLED_SUPPORTS)
-        return Targets(theta.half().numpy(), rows.half().numpy())
+        grey = torch.from_numpy(np.array(image)).to(self.device).float().div_(255)
+        theta, rows = self.model.describe(grey, torch.from_numpy(np.array(keypoints)).to(self.device),
+                                          self.radius_per_size, supports=POOLED_SUPPORTS)
+        return Targets(theta.half().cpu().numpy(), rows.half().cpu().numpy())
 
     def targets(self, scene: Scene) -> list[Targets]:
         """Of each view; from the cache if it is of these weights and this scene file, else computed (and cached)."""

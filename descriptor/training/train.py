@@ -89,7 +89,7 @@ def main() -> None:
         stage = dataclasses.replace(stage, steps=arguments.steps)
     if stage.distill != (arguments.teacher is not None):
         sys.exit("stage distill needs --teacher, and no other stage takes it")
-    teacher = None if arguments.teacher is None else Teacher(arguments.teacher)
+    teacher = None if arguments.teacher is None else Teacher(arguments.teacher, device)
     spacing = arguments.spacing
     if spacing is None and teacher is not None and arguments.init is None:
         spacing = teacher.model.spacing
