@@ -28,8 +28,9 @@ std::string Join(const std::vector<std::string>& parts, std::string_view separat
 template <typename Number, typename... Base>
 std::optional<Number> NumberOf(std::string_view text, Base... base) {
   Number value{};
-  const char* end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, value, base...);
+  const char* const begin = text.data();
+  const char* const end = begin + text.size();
+  const auto [stop, error] = std::from_chars(begin, end, value, base...);
   return error == std::errc() && stop == end ? std::optional(value) : std::nullopt;
 }
 

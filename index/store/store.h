@@ -35,7 +35,7 @@ class Store {
   // Calls `wake`, which must not throw, soon after commits of other processes, in the returned
   // thread. No thread if the database does not report commits. Searches still poll the feed: this
   // only reduces their work.
-  std::jthread FollowOthers(std::function<void()> wake);
+  std::jthread FollowOthers(const std::function<void()>& wake);
 
   Catalogue& catalogue() { return catalogue_; }
   Writer& writer() { return writer_; }

@@ -39,7 +39,7 @@ class WriteQueueTest : public ::testing::Test {
 
 // A writer that is blocked would hang the test: it gets a thread of its own and a time limit.
 template <typename Work>
-bool Finishes(Work work) {
+bool Finishes(const Work& work) {
   auto done = std::make_shared<std::promise<void>>();
   std::future<void> finished = done->get_future();
   std::thread([work, done] {

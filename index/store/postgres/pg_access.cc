@@ -110,8 +110,8 @@ class PgAccess : public Access {
         "`pliant db copy` copies it to a file");
   }
 
-  std::jthread FollowOthers(std::function<void()> wake) override {
-    return monitor_.OnCommit(std::move(wake));
+  std::jthread FollowOthers(const std::function<void()>& wake) override {
+    return monitor_.OnCommit(wake);
   }
 
   std::optional<DatabaseServerRecord> ServerFigures() override {

@@ -137,7 +137,7 @@ class Access {
   virtual bool CheckStructure(Connection& db, std::vector<std::string>* problems) = 0;
   virtual void Backup(const std::filesystem::path& target, const std::stop_token& stop) = 0;
   // Store::FollowOthers.
-  virtual std::jthread FollowOthers(std::function<void()> /*wake*/) { return {}; }
+  virtual std::jthread FollowOthers(const std::function<void()>& /*wake*/) { return {}; }
   virtual std::optional<DatabaseServerRecord> ServerFigures() { return {}; }
 
   // This process's name as an owner of jobs, and whether a named process lives (ServiceStore).

@@ -63,8 +63,8 @@ void Store::BeginWriting(std::function<void()> after_commit) {
   access_->BeginWriting(std::move(after_commit));
 }
 
-std::jthread Store::FollowOthers(std::function<void()> wake) {
-  return access_->FollowOthers(std::move(wake));
+std::jthread Store::FollowOthers(const std::function<void()>& wake) {
+  return access_->FollowOthers(wake);
 }
 
 std::unique_ptr<Store> OpenStore(const StoreOptions& options) {
