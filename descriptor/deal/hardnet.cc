@@ -229,7 +229,7 @@ void HardNet::Worker::Run(const float* patches, std::size_t count, float* descri
       }
       float* to = maps_[stage + 1].input.data();
       if (stage + 1 == last) to += first * MapSize(end.side, end.inputs);
-      RunConv(*layer.halve, maps_[stage].wrapped.data(), to);
+      if (layer.halve) RunConv(*layer.halve, maps_[stage].wrapped.data(), to);
     }
   }
   MultiplyTiles(last, maps_[last].input.data(), count);
