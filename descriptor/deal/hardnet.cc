@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
-#include <optional>
 #include <utility>
 
 namespace pliant::deal {
@@ -71,17 +70,15 @@ std::vector<float> TapsFirst(const ConvLayer& layer) {
 
 }  // namespace
 
-// A stride-1 layer, and the stride-2 layer after it (none after the last).
+// A stride-1 layer. A stride-2 layer follows all but the last.
 struct HardNet::Stage {
-  Stage(const ConvLayer& layer, int map_side, const ConvLayer* strided)
+  Stage(const ConvLayer& layer, int map_side)
       : side(map_side),
         inputs(layer.inputs),
         outputs(layer.outputs),
         bias(layer.bias),
         product({kTilePlanes, static_cast<int>(plane_rows()), inputs, outputs},
-                WinogradWeights(layer), /*transposed=*/false, {}, Activation::kNone) {
-    if (strided != nullptr) halve.emplace(StridedConv(*strided, side));
-  }
+                WinogradWeights(layer), /*transposed=*/false, {}, Activation::kNone) {}
 
   std::size_t tiles() const { return MapSize(side / kTileSide, 1); }
   // Patches that go through the product together: of half the side, four times as many.
@@ -96,7 +93,6 @@ struct HardNet::Stage {
   int side, inputs, outputs;
   std::vector<float> bias;
   ProductPrimitive product;
-  std::optional<ConvPrimitive> halve;
 };
 
 std::vector<float> WinogradWeights(const ConvLayer& layer) {
@@ -174,8 +170,9 @@ HardNet::HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& /*one
       head_(HeadProduct(weights.head)) {
   int side = kPatchSide / first_stride_;
   for (std::size_t i = 1; i < weights.hardnet.size(); i += 2, side /= 2) {
-    const bool last = i + 1 == weights.hardnet.size();
-    stages_.emplace_back(weights.hardnet[i], side, last ? nullptr : &weights.hardnet[i + 1]);
+    stages_.emplace_back(weights.hardnet[i], side);
+    if (i + 1 < weights.hardnet.size())
+      strided_.push_back(StridedConv(weights.hardnet[i + 1], side));
   }
 }
 
@@ -183,10 +180,8 @@ HardNet::~HardNet() = default;
 
 std::size_t HardNet::scratch_bytes() const {
   std::size_t bytes = head_.scratch_bytes();
-  for (const Stage& stage : stages_) {
-    bytes = std::max(bytes, stage.product.scratch_bytes());
-    if (stage.halve) bytes = std::max(bytes, stage.halve->scratch_bytes());
-  }
+  for (const Stage& stage : stages_) bytes = std::max(bytes, stage.product.scratch_bytes());
+  for (const ConvPrimitive& conv : strided_) bytes = std::max(bytes, conv.scratch_bytes());
   return bytes;
 }
 
@@ -197,16 +192,15 @@ HardNet::Worker::Worker(const HardNet& net)
       result_(kBatch * kDescriptorDim) {
   std::size_t tiles = 0;
   std::size_t products = 0;
+  const Stage& last = net.stages_.back();
   for (const Stage& stage : net.stages_) {
     tiles = std::max(tiles, kTilePlanes * stage.plane(stage.inputs));
     products = std::max(products, kTilePlanes * stage.plane(stage.outputs));
     const std::size_t held =
-        &stage == &net.stages_.front() ? stage.patches() : (stage.halve ? kGroup : kBatch);
-    Maps& maps = maps_.emplace_back();
-    maps.input = AlignedFloats(held * MapSize(stage.side, stage.inputs));
-    if (stage.halve) maps.wrapped = AlignedFloats(kGroup * WrappedSize(stage.side, stage.outputs));
+        &stage == &net.stages_.front() ? stage.patches() : (&stage == &last ? kBatch : kGroup);
+    inputs_.emplace_back(held * MapSize(stage.side, stage.inputs));
+    if (&stage != &last) wrapped_.emplace_back(kGroup * WrappedSize(stage.side, stage.outputs));
   }
-  const Stage& last = net.stages_.back();
   pooled_ = AlignedFloats(kBatch * static_cast<std::size_t>(last.side * last.outputs));
   tiles_ = AlignedFloats(tiles);
   products_ = AlignedFloats(products);
@@ -221,18 +215,18 @@ void HardNet::Worker::Run(const float* patches, std::size_t count, float* descri
       const Stage& layer = net_.stages_[stage];
       for (std::size_t p = 0; p < group; p += layer.patches()) {
         const std::size_t together = std::min(layer.patches(), group - p);
-        float* const input = maps_[stage].input.data();
+        float* const input = inputs_[stage].data();
         if (stage == 0) FirstLayer(patches + (first + p) * kPatchPixels, together);
         MultiplyTiles(stage, stage == 0 ? input : input + p * MapSize(layer.side, layer.inputs),
                       together);
         WriteWrapped(stage, p, together);
       }
-      float* to = maps_[stage + 1].input.data();
+      float* to = inputs_[stage + 1].data();
       if (stage + 1 == last) to += first * MapSize(end.side, end.inputs);
-      if (layer.halve) RunConv(*layer.halve, maps_[stage].wrapped.data(), to);
+      RunConv(net_.strided_[stage], wrapped_[stage].data(), to);
     }
   }
-  MultiplyTiles(last, maps_[last].input.data(), count);
+  MultiplyTiles(last, inputs_[last].data(), count);
   const std::size_t row = static_cast<std::size_t>(end.side * end.outputs);
   for (std::size_t p = 0; p < count; ++p) {
     kernels_.winograd_pooled(products_.data() + p * end.tiles() * end.outputs, end.side,
@@ -251,7 +245,7 @@ void HardNet::Worker::FirstLayer(const float* patches, std::size_t count) {
     kernels_.standardize(patches + p * kPatchPixels, framed_.data());
     kernels_.first_conv(framed_.data(), net_.first_channels_, net_.first_stride_,
                         net_.first_weight_.data(), net_.first_bias_.data(),
-                        maps_[0].input.data() + p * size);
+                        inputs_[0].data() + p * size);
   }
 }
 
@@ -272,7 +266,7 @@ void HardNet::Worker::WriteWrapped(std::size_t stage, std::size_t first, std::si
   const std::size_t row = static_cast<std::size_t>(layer.side) * outputs;
   for (std::size_t p = 0; p < count; ++p) {
     float* const wrapped =
-        maps_[stage].wrapped.data() + (first + p) * WrappedSize(layer.side, layer.outputs);
+        wrapped_[stage].data() + (first + p) * WrappedSize(layer.side, layer.outputs);
     kernels_.winograd_output(products_.data() + p * layer.tiles() * outputs, layer.side,
                              layer.outputs, layer.plane(layer.outputs), layer.bias.data(),
                              wrapped + row);

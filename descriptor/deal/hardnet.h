@@ -58,10 +58,6 @@ class HardNet {
     void Run(const float* patches, std::size_t count, float* descriptors);
 
    private:
-    struct Maps {
-      AlignedFloats input, wrapped;  // of a stride-1 layer, and of the stride-2 layer after it
-    };
-
     void FirstLayer(const float* patches, std::size_t count);
     void MultiplyTiles(std::size_t stage, const float* from, std::size_t count);
     void WriteWrapped(std::size_t stage, std::size_t first, std::size_t count);
@@ -71,7 +67,7 @@ class HardNet {
     const Kernels& kernels_ = BestKernels();
     dnnl::stream stream_{CpuEngine()};
     AlignedFloats framed_, pooled_, scratch_, tiles_, products_, result_;
-    std::vector<Maps> maps_;  // of the stages
+    std::vector<AlignedFloats> inputs_, wrapped_;  // of the stride-1 and the stride-2 layers
   };
 
  private:
@@ -83,6 +79,7 @@ class HardNet {
   int first_channels_, first_stride_;
   std::vector<float> first_weight_, first_bias_;
   std::vector<Stage> stages_;
+  std::vector<ConvPrimitive> strided_;  // after all stages but the last
   ProductPrimitive head_;
 };
 

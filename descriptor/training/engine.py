@@ -65,7 +65,7 @@ class TrainingStep:
         """The share of the teacher's features of the first windows, weighted by their importance, that the features
         maps [I, C, h, w] do not explain (Romero et al., FitNets, ICLR 2015)."""
         with torch.no_grad():
-            truth = self.teacher.backbone(windows[:_HINTS]).flatten(2).transpose(1, 2).flatten(0, 1)
+            truth = self.teacher.backbone(windows).flatten(2).transpose(1, 2).flatten(0, 1)
         found = self.model.localization.adapter(maps[:_HINTS].float().flatten(2).transpose(1, 2).flatten(0, 1))
 
         def energy(x: torch.Tensor) -> torch.Tensor:
@@ -122,7 +122,7 @@ class TrainingStep:
             figures["warp_loss"] = supervised.detach()
             figures["warp_error"], figures["warp_truth"] = losses.warp_r2_terms(predicted, truth, known)
         if self.teacher is not None:
-            hint = self._hint(maps, self._windows(batch, clean))
+            hint = self._hint(maps, self._windows(batch, clean)[:_HINTS])
             loss = loss + hint
             figures["hint"] = hint.detach()
         if stage.train_hardnet:

@@ -16,7 +16,7 @@ extern "C" void OnSignal(int number) { signalled = number; }
 
 void Install(void (*handler)(int), int flags) {
   for (const int number : {SIGINT, SIGTERM}) {
-    struct sigaction action{};
+    struct sigaction action = {};
     // Who started the program may have told it to ignore one ("pliant index DIR & other").
     if (sigaction(number, nullptr, &action) != 0 || action.sa_handler == SIG_IGN) continue;
     action = {};

@@ -29,7 +29,7 @@ FileHandle MakeLockedFile(const std::function<fs::path()>& next_name, int mode, 
     FileHandle file(::open(path->c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, mode));
     if (!file.is_open() && errno == EEXIST) continue;
     if (!file.is_open()) ThrowErrno("cannot make", *path);
-    struct stat info{};
+    struct stat info = {};
     if (::flock(file.get(), LOCK_EX) != 0 || ::fstat(file.get(), &info) != 0) {
       const int code = errno;
       ::unlink(path->c_str());
@@ -40,8 +40,8 @@ FileHandle MakeLockedFile(const std::function<fs::path()>& next_name, int mode, 
 }
 
 bool IsSameFile(int fd, const fs::path& path) {
-  struct stat held{};
-  struct stat named{};
+  struct stat held = {};
+  struct stat named = {};
   return ::fstat(fd, &held) == 0 && ::stat(path.c_str(), &named) == 0 &&
          held.st_dev == named.st_dev && held.st_ino == named.st_ino;
 }

@@ -76,7 +76,7 @@ class Walk {
 
  private:
   void VisitFolder(const fs::path& folder, int depth, const fs::path& below) {
-    struct stat info{};
+    struct stat info = {};
     if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second)
       return;
     std::vector<fs::path> entries;

@@ -52,7 +52,7 @@ void RemoveAbandoned(const fs::path& database) {
   for (const fs::path& path : found) {
     const FileHandle file = Open(path);
     if (!file.is_open()) continue;
-    struct stat info{};
+    struct stat info = {};
     const bool may_be_ours =
         ::fstat(file.get(), &info) == 0 && S_ISREG(info.st_mode) && info.st_size == 0;
     if (may_be_ours && ::flock(file.get(), LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());

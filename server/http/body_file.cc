@@ -51,7 +51,7 @@ BodyFile::BodyFile(const std::filesystem::path& file)
     if (errno == ENOENT || errno == ELOOP || errno == ENXIO) throw absent;
     ThrowErrno("cannot open", file);
   }
-  struct stat info{};
+  struct stat info = {};
   if (::fstat(file_.get(), &info) != 0 || !S_ISREG(info.st_mode)) throw absent;
   size_ = static_cast<std::uint64_t>(info.st_size);
   version_ = fmt::format("{:x}-{:x}-{:x}.{:x}", info.st_ino, info.st_size, info.st_mtim.tv_sec,

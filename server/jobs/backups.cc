@@ -49,7 +49,7 @@ std::string NameOfNow() {
 
 // Nothing if it is no regular file with the name of a backup.
 std::optional<BackupFile> Find(const fs::path& path) {
-  struct stat info{};
+  struct stat info = {};
   const std::string name = path.filename().string();
   if (!IsName(name) || ::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return {};
   return BackupFile{name, static_cast<std::uint64_t>(info.st_size),

@@ -51,7 +51,7 @@ std::set<std::string> IdsInUse(const JobStore& jobs) {
 MappedFile::MappedFile(const fs::path& path) {
   const FileHandle file(::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
   if (!file.is_open()) ThrowErrno("cannot open", path);
-  struct stat info{};
+  struct stat info = {};
   if (::fstat(file.get(), &info) != 0) ThrowErrno("cannot read", path);
   size_ = static_cast<std::size_t>(info.st_size);
   if (size_ == 0) return;

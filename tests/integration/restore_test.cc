@@ -67,7 +67,7 @@ TEST_F(RestoreTest, TakesThePlaceOfADatabaseAndKeepsThatOne) {
   EXPECT_EQ(restored.json()["images"], 3);
   EXPECT_EQ(Images(db_), 3);
   ExpectSound(db_);
-  struct stat info{};
+  struct stat info = {};
   ASSERT_EQ(::stat(db_.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777, 0640U) << "who could read the old one can read this one";
   const std::string before = restored.json()["before"];

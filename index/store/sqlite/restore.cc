@@ -50,7 +50,7 @@ class ExclusiveHold {
   explicit ExclusiveHold(const fs::path& database)
       : database_(database), file_(::open(database.c_str(), O_RDWR | O_CLOEXEC)) {
     if (!file_.is_open()) ThrowErrno("cannot open", database);
-    struct flock lock{};
+    struct flock lock = {};
     lock.l_type = F_WRLCK;
     lock.l_whence = SEEK_SET;
     lock.l_start = 0x40000000;
@@ -69,9 +69,9 @@ class ExclusiveHold {
 
   // The new file belongs to whom the old one belongs, who may read it as before.
   void GiveOwnerAndModeTo(const fs::path& path) const {
-    struct stat old{};
+    struct stat old = {};
     if (::fstat(file_.get(), &old) != 0) ThrowErrno("cannot read the owner for", path);
-    struct stat made{};
+    struct stat made = {};
     if (::stat(path.c_str(), &made) != 0) ThrowErrno("cannot read the owner of", path);
     if ((made.st_uid != old.st_uid || made.st_gid != old.st_gid) &&
         ::chown(path.c_str(), old.st_uid, old.st_gid) != 0) {

@@ -101,7 +101,7 @@ class SqliteAccess : public Access {
   // Device and inode of the database; 0, 0 where there is no file.
   using File = std::pair<std::uint64_t, std::uint64_t>;
   static File FileAt(const fs::path& path) {
-    struct stat status{};
+    struct stat status = {};
     if (::stat(path.c_str(), &status) != 0) return {};
     return {status.st_dev, status.st_ino};
   }
