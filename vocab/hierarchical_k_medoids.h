@@ -37,7 +37,7 @@ std::vector<std::uint32_t> DistinctRows(const Descriptors& descriptors,
                                         std::span<const std::uint32_t> rows);
 
 // Vocabularies are trained by FasterPAM alone up to this many samples, by the hierarchy above.
-inline constexpr std::size_t kMaxExactSamples = 20'000;
+inline constexpr std::size_t kMaxExactSamples = 10'000;
 
 struct HierarchicalKMedoidsResult {
   std::vector<std::uint32_t> medoids;  // options.k row numbers, ascending, no two equal descriptors
@@ -49,8 +49,8 @@ struct HierarchicalKMedoidsResult {
 };
 
 // Throws kInvalidArgument "bad_k" for k outside 1..N or above the number of different samples,
-// what KMedoids throws for malformed samples, kCancelled. max_passes and max_matrix_bytes are those
-// of the FasterPAM runs. Deterministic for a seed and any number of threads. Thread-safe.
+// what KMedoids throws for malformed samples, kCancelled. max_passes is that of the
+// FasterPAM runs. Deterministic for a seed and any number of threads. Thread-safe.
 HierarchicalKMedoidsResult HierarchicalKMedoids(const Descriptors& samples,
                                                 const KMedoidsOptions& options);
 

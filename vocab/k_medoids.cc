@@ -10,7 +10,6 @@
 #include <limits>
 #include <numeric>
 #include <random>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,68 +21,34 @@
 namespace pliant {
 namespace {
 
-// Rows of the N x N distance matrix of a sample: stored if the matrix fits in memory, otherwise
-// recomputed on each access. Both give bit-identical values.
-class DistanceRows {
+// The N x N distance matrix of a sample.
+class DistanceMatrix {
  public:
-  // Keeps the whole matrix if it takes at most `max_matrix_bytes`. `samples` must outlive this.
   // `checkpoint` is called periodically with the fraction of the matrix that is done, from this
   // thread, and may throw to cancel.
-  DistanceRows(const Descriptors& samples, std::uint64_t max_matrix_bytes, int threads,
-               const std::function<void(double done)>& checkpoint)
-      : samples_(samples), packed_(samples), threads_(threads) {
+  DistanceMatrix(const Descriptors& samples, int threads,
+                 const std::function<void(double done)>& checkpoint)
+      : size_(samples.rows), distances_(size_ * size_) {
+    const PackedDescriptors packed(samples);
     constexpr std::size_t kRowsACheckpoint = 1024;
-    const std::size_t n = size();
-    if (std::uint64_t{n} * n * sizeof(float) > max_matrix_bytes) return;
-    matrix_.resize(n * n);
-    for (std::size_t first = 0; first < n; first += kRowsACheckpoint) {
-      Compute(first, std::min(kRowsACheckpoint, n - first), matrix_.data() + first * n);
-      checkpoint(static_cast<double>(first) / static_cast<double>(n));
+    constexpr std::size_t kRowsATask = 64;  // that share what they read of the samples
+    for (std::size_t first = 0; first < size_; first += kRowsACheckpoint) {
+      const std::size_t end = std::min(size_, first + kRowsACheckpoint);
+      ParallelFor((end - first + kRowsATask - 1) / kRowsATask, threads, [&](std::size_t t) {
+        const std::size_t begin = first + t * kRowsATask;
+        packed.Distances(samples, begin, std::min(kRowsATask, end - begin),
+                         distances_.data() + begin * size_);
+      });
+      checkpoint(static_cast<double>(end) / static_cast<double>(size_));
     }
   }
 
-  std::size_t size() const { return samples_.rows; }
-
-  // Rows first .. first + count - 1, count x size(), from the matrix or computed into `buffer`.
-  const float* Rows(std::size_t first, std::size_t count, std::vector<float>* buffer) const {
-    if (!matrix_.empty()) return matrix_.data() + first * size();
-    buffer->resize(std::max(buffer->size(), count * size()));
-    Compute(first, count, buffer->data());
-    return buffer->data();
-  }
-
-  // out[i * columns.size() + j] = distance of sample rows[i] to sample columns[j].
-  void Gather(std::span<const std::uint32_t> rows, std::span<const std::uint32_t> columns,
-              std::vector<float>* out) const {
-    out->resize(std::max(out->size(), rows.size() * columns.size()));
-    if (matrix_.empty()) {
-      const PackedDescriptors right(SelectRows(samples_, columns));
-      right.Distances(SelectRows(samples_, rows), 0, rows.size(), out->data());
-      return;
-    }
-    float* to = out->data();
-    for (const std::uint32_t row : rows) {
-      const float* distances = matrix_.data() + row * size();
-      for (const std::uint32_t column : columns) *to++ = distances[column];
-    }
-  }
+  std::size_t size() const { return size_; }
+  const float* Row(std::size_t row) const { return distances_.data() + row * size_; }
 
  private:
-  void Compute(std::size_t first, std::size_t count, float* out) const {
-    // Many rows share what they read of the samples; few rows a task keep all threads busy.
-    const std::size_t a_task =
-        std::clamp<std::size_t>(count / (4 * static_cast<std::size_t>(threads_)), 16, 64);
-    ParallelFor((count + a_task - 1) / a_task, threads_, [&](std::size_t t) {
-      const std::size_t begin = t * a_task;
-      packed_.Distances(samples_, first + begin, std::min(a_task, count - begin),
-                        out + begin * size());
-    });
-  }
-
-  const Descriptors& samples_;
-  PackedDescriptors packed_;
-  int threads_;
-  std::vector<float> matrix_;  // size() x size(), or empty
+  std::size_t size_;
+  std::vector<float> distances_;  // size_ x size_
 };
 
 // The effect on the loss of exchanging a medoid for a candidate.
@@ -96,7 +61,7 @@ struct Swap {
 class FasterPam {
  public:
   // `medoids`: k >= 2 distinct rows.
-  FasterPam(const DistanceRows& rows, std::vector<std::uint32_t> medoids)
+  FasterPam(const DistanceMatrix& rows, std::vector<std::uint32_t> medoids)
       : rows_(rows),
         medoids_(std::move(medoids)),
         is_medoid_(rows.size(), 0),
@@ -194,31 +159,22 @@ class FasterPam {
   }
 
  private:
-  static constexpr std::size_t kSearchBlock =
-      512;  // samples whose distances are gathered at a time
-
   // Sets nearest and second nearest of the listed samples from the distances to all medoids.
   void Search(const std::vector<std::uint32_t>& samples) {
-    const std::size_t k = medoids_.size();
-    for (std::size_t first = 0; first < samples.size(); first += kSearchBlock) {
-      const std::span block(samples.data() + first, std::min(kSearchBlock, samples.size() - first));
-      rows_.Gather(block, medoids_, &gathered_);
-      for (std::size_t i = 0; i < block.size(); ++i) {
-        const float* distances = gathered_.data() + i * k;
-        std::uint32_t best = 0;
-        std::uint32_t second = 1;
-        if (distances[second] < distances[best]) std::swap(best, second);
-        for (std::uint32_t m = 2; m < k; ++m) {
-          if (distances[m] >= distances[second]) continue;
-          second = m;
-          if (distances[second] < distances[best]) std::swap(best, second);
-        }
-        const std::uint32_t o = block[i];
-        nearest_[o] = best;
-        second_[o] = second;
-        nearest_distance_[o] = distances[best];
-        second_distance_[o] = distances[second];
+    for (const std::uint32_t o : samples) {
+      const float* distances = rows_.Row(o);
+      std::uint32_t best = 0;
+      std::uint32_t second = 1;
+      if (distances[medoids_[second]] < distances[medoids_[best]]) std::swap(best, second);
+      for (std::uint32_t m = 2; m < medoids_.size(); ++m) {
+        if (distances[medoids_[m]] >= distances[medoids_[second]]) continue;
+        second = m;
+        if (distances[medoids_[second]] < distances[medoids_[best]]) std::swap(best, second);
       }
+      nearest_[o] = best;
+      second_[o] = second;
+      nearest_distance_[o] = distances[medoids_[best]];
+      second_distance_[o] = distances[medoids_[second]];
     }
   }
 
@@ -235,7 +191,7 @@ class FasterPam {
     }
   }
 
-  const DistanceRows& rows_;
+  const DistanceMatrix& rows_;
   std::vector<std::uint32_t> medoids_;
   std::vector<char> is_medoid_;
   std::vector<std::uint32_t> nearest_;   // N: position of the nearest medoid
@@ -245,7 +201,6 @@ class FasterPam {
   std::vector<double> removal_loss_;     // k: increase of the loss when each medoid is removed
   double loss_ = 0;
   std::vector<std::uint32_t> orphans_;  // scratch of Apply
-  std::vector<float> gathered_;         // scratch of Search
 };
 
 // A number in [0, 1) from the generator's upper 53 bits: the same on every standard library,
@@ -256,19 +211,20 @@ double Uniform(std::mt19937_64* generator) {
 
 // k distinct rows. Each is drawn with a probability proportional to its distance from the nearest
 // row drawn before: k-means++ (Arthur and Vassilvitskii 2007) for a loss of plain distances. When
-// all distances are 0, the lowest remaining rows are used. O(k N). `checkpoint` as in DistanceRows.
-std::vector<std::uint32_t> SeedMedoids(const DistanceRows& rows, std::size_t k, std::uint64_t seed,
+// all distances are 0, the lowest remaining rows are used. O(k N). `checkpoint` as in
+// DistanceMatrix.
+std::vector<std::uint32_t> SeedMedoids(const DistanceMatrix& rows, std::size_t k,
+                                       std::uint64_t seed,
                                        const std::function<void(double done)>& checkpoint) {
   const std::size_t n = rows.size();
   std::mt19937_64 generator(seed);
   std::vector<float> nearest(n, std::numeric_limits<float>::infinity());
   std::vector<char> taken(n, 0);
-  std::vector<float> buffer;
   std::vector<std::uint32_t> medoids;
   const auto take = [&](std::size_t row) {
     medoids.push_back(static_cast<std::uint32_t>(row));
     taken[row] = 1;
-    const float* distances = rows.Rows(row, 1, &buffer);
+    const float* distances = rows.Row(row);
     for (std::size_t i = 0; i < n; ++i) nearest[i] = std::min(nearest[i], distances[i]);
   };
   take(std::min(n - 1, static_cast<std::size_t>(Uniform(&generator) * static_cast<double>(n))));
@@ -294,7 +250,7 @@ std::vector<std::uint32_t> SeedMedoids(const DistanceRows& rows, std::size_t k, 
   return medoids;
 }
 
-// Candidates whose distances are at hand at a time.
+// Candidates between two reports of progress.
 constexpr std::size_t kBlock = 256;
 constexpr std::size_t kCandidatesATask = 16;
 // Candidates are tried one by one until this many in a row were no good, then many at a time.
@@ -337,8 +293,7 @@ class Run {
   Run(const Descriptors& samples, const KMedoidsOptions& options)
       : options_(options),
         threads_(ResolveThreads(options.threads)),
-        rows_(samples, options.max_matrix_bytes, threads_,
-              [this](double done) { Checkpoint(kMatrixShare * done, 0); }) {}
+        rows_(samples, threads_, [this](double done) { Checkpoint(kMatrixShare * done, 0); }) {}
 
   KMedoidsResult Go() {
     if (options_.k == 1) {
@@ -364,13 +319,8 @@ class Run {
   void FindCentre() {
     const std::size_t n = rows_.size();
     std::vector<double> sums(n, 0.0);
-    for (std::size_t first = 0; first < n; first += kBlock) {
-      const std::size_t count = std::min(kBlock, n - first);
-      const float* distances = rows_.Rows(first, count, &buffer_);
-      for (std::size_t r = 0; r < count; ++r) {
-        for (std::size_t o = 0; o < n; ++o) sums[first + r] += distances[r * n + o];
-      }
-      Checkpoint(kMatrixShare + (1 - kMatrixShare) * static_cast<double>(first + count) / n, 0);
+    for (std::size_t r = 0; r < n; ++r) {
+      for (std::size_t o = 0; o < n; ++o) sums[r] += rows_.Row(r)[o];
     }
     const auto best = std::min_element(sums.begin(), sums.end());
     result_.medoids = {static_cast<std::uint32_t>(best - sums.begin())};
@@ -407,7 +357,6 @@ class Run {
   // Many threads look ahead together, but the first improvement in order is taken and the rest
   // tried again: the result is that of one thread.
   void TryBlock(FasterPam* pam, std::size_t first, std::size_t count) {
-    const float* distances = rows_.Rows(first, count, &buffer_);
     const std::size_t n = rows_.size();
     std::vector<Swap> swaps(count);
     for (std::size_t next = 0; next < count && quiet_ < n;) {
@@ -419,7 +368,7 @@ class Run {
         const std::size_t begin = next + t * kCandidatesATask;
         for (std::size_t c = begin; c < std::min(begin + kCandidatesATask, end); ++c) {
           swaps[c] =
-              pam->is_medoid(first + c) ? Swap{} : pam->Evaluate(distances + c * n, &scratch);
+              pam->is_medoid(first + c) ? Swap{} : pam->Evaluate(rows_.Row(first + c), &scratch);
         }
       });
       const double threshold = -kTolerance * pam->loss();
@@ -429,7 +378,7 @@ class Run {
           if (++quiet_ >= n) return;
           continue;
         }
-        pam->Apply(swaps[c].position, static_cast<std::uint32_t>(first + c), distances + c * n);
+        pam->Apply(swaps[c].position, static_cast<std::uint32_t>(first + c), rows_.Row(first + c));
         ++result_.swaps;
         quiet_ = 0;
         break;
@@ -439,30 +388,20 @@ class Run {
 
   // Of equally near medoids the one of the lowest row.
   void Assign() {
-    const std::size_t n = rows_.size();
-    const std::size_t k = result_.medoids.size();
-    std::vector<std::uint32_t> block;
-    std::vector<float> distances;
-    for (std::size_t first = 0; first < n; first += kBlock) {
-      block.clear();
-      for (std::size_t o = first; o < std::min(n, first + kBlock); ++o) {
-        block.push_back(static_cast<std::uint32_t>(o));
-      }
-      rows_.Gather(block, result_.medoids, &distances);
-      for (std::size_t i = 0; i < block.size(); ++i) {
-        const float* row = distances.data() + i * k;
-        const float* best = std::min_element(row, row + k);
-        result_.assignment.push_back(static_cast<std::uint32_t>(best - row));
-        result_.loss += *best;
-      }
+    for (std::size_t o = 0; o < rows_.size(); ++o) {
+      const float* distances = rows_.Row(o);
+      const auto best = std::min_element(
+          result_.medoids.begin(), result_.medoids.end(),
+          [&](std::uint32_t a, std::uint32_t b) { return distances[a] < distances[b]; });
+      result_.assignment.push_back(static_cast<std::uint32_t>(best - result_.medoids.begin()));
+      result_.loss += distances[*best];
     }
   }
 
   const KMedoidsOptions& options_;
   int threads_;
   double done_ = 0;
-  DistanceRows rows_;
-  std::vector<float> buffer_;
+  DistanceMatrix rows_;
   std::size_t quiet_ = 0;  // candidates in a row that improved nothing
   KMedoidsResult result_;
 };

@@ -6,7 +6,7 @@
 // of the PAM, CLARA, and CLARANS algorithms", Information Systems 101, 2021. Seeded like k-means++
 // with chances proportional to the distance, O(k n); then each pass over the n candidates costs O(n
 // (n + k)) where PAM's costs O(k n^2), and a swap O(n + k times the samples that lose their
-// medoid). Memory: the n x n distance matrix in float32 if it fits, otherwise O(256 n).
+// medoid). Memory: the n x n distance matrix in float32.
 #pragma once
 
 #include <cstdint>
@@ -23,9 +23,6 @@ struct KMedoidsOptions {
   std::uint64_t seed = 1;  // same seed, same result, for any number of threads
   int threads = 0;         // 0 = all cores
   int max_passes = 0;      // passes over all candidates; 0 = until no swap improves
-  // The distance matrix is stored up to this size (n = 16 384). Above it, each pass recomputes the
-  // matrix in blocks: a bit-identical result in about three times the time for 128 floats.
-  std::uint64_t max_matrix_bytes = std::uint64_t{1} << 30;
   // Called periodically with the fraction of the work done (0..1) and the current loss.
   std::function<void(double done, double loss)> progress;
   std::stop_token stop;  // a stop request ends in Error kCancelled
@@ -46,7 +43,7 @@ struct KMedoidsResult {
 // fewer than k differ. Throws kInvalidArgument "bad_k" for k outside 1..N, "too_many_samples",
 // "descriptors_not_finite", "descriptors_out_of_range" (distances overflow),
 // "descriptors_malformed"; kCancelled. Deterministic for a seed. Thread-safe.
-inline constexpr std::size_t kMaxKMedoidsSamples = 32768;
+inline constexpr std::size_t kMaxKMedoidsSamples = 16384;  // a matrix of 1 GiB
 KMedoidsResult KMedoids(const Descriptors& samples, const KMedoidsOptions& options);
 
 }  // namespace pliant

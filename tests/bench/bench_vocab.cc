@@ -77,7 +77,9 @@ void TrainKMedoids(benchmark::State& state, bool binary) {
 BENCHMARK_CAPTURE(TrainKMedoids, float128, false)
     ->ArgNames({"n", "k", "threads"})
     ->ArgsProduct({{10'000}, {10, 100, 1000}, {1, 2}})
-    ->Args({20'000, 1000, 2})  // the matrix is computed again in each pass
+    ->Args({4000, 400, 2})
+    ->Args({8000, 800, 2})
+    ->Args({16'000, 1600, 2})
     ->Iterations(1)
     ->MeasureProcessCPUTime()
     ->UseRealTime()
@@ -102,7 +104,10 @@ void TrainTree(benchmark::State& state, bool binary) {
 }
 BENCHMARK_CAPTURE(TrainTree, float128, false)
     ->ArgNames({"n", "k", "threads"})
+    ->Args({4000, 400, 2})
+    ->Args({8000, 800, 2})
     ->Args({10'000, 1000, 2})
+    ->Args({16'000, 1600, 2})
     ->Args({100'000, 1000, 2})
     ->Args({100'000, 10'000, 2})
     ->Args({1'000'000, 65'536, 2})
