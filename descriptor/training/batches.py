@@ -56,7 +56,7 @@ class Batch:
     warp: np.ndarray | None = None       # F32 [2N + E, G, 2] true displacement in radii
     warp_known: np.ndarray | None = None  # bool [2N + E, G]
     theta: np.ndarray | None = None      # F32 [2N + E, 66, 2] the teacher's
-    descriptors: np.ndarray | None = None  # F32 [2N, 128] the teacher's
+    descriptors: np.ndarray | None = None  # F32 [2N, D] the teacher's
 
 
 @dataclass

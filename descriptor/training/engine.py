@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 
 import torch
+from torch.nn import functional as F
 
 from . import losses
 from .batches import Batch
@@ -44,11 +45,13 @@ def make_optimizer(model: Deal, stage: Stage) -> torch.optim.Adam:
 
 
 class TrainingStep:
-    def __init__(self, model: Deal, stage: Stage, preset: Preset, device: torch.device, teacher: Deal | None = None):
-        """teacher: of a model whose localisation network is adapted to it."""
+    def __init__(self, model: Deal, stage: Stage, preset: Preset, device: torch.device, teacher: Deal | None = None,
+                 components: torch.Tensor | None = None):
+        """teacher: of a model whose localisation network is adapted to it. components [D, dim]: of its descriptors,
+        those that the model's are to have (teacher.shared_components)."""
         self.model, self.stage, self.preset, self.device = model, stage, preset, device
         self.points = torch.from_numpy(SUPERVISED_POINTS).to(device)
-        self.teacher = teacher
+        self.teacher, self.components = teacher, components
         if teacher is not None:
             weight = teacher.localization.fc1.weight.detach().unflatten(1, (25, -1)).flatten(0, 1)
             self.importance = weight.t() @ weight  # [C, C] of the features, to the first layer
@@ -136,7 +139,8 @@ class TrainingStep:
             loss = loss + matching
             figures["loss"] = matching.detach()
             if stage.distill:
-                distilled = losses.distillation(a, b, *self._move(batch.descriptors).chunk(2), stage.temperature)
+                wanted = F.normalize(self._move(batch.descriptors) @ self.components)
+                distilled = losses.distillation(a, b, *wanted.chunk(2), stage.temperature)
                 loss = loss + distilled
                 figures["distillation"] = distilled.detach()
             figures["positive"], figures["negative"], figures["accuracy"] = losses.separation(a, b, ignore)

@@ -13,7 +13,7 @@ from .fused_norm import norm_act, wrap_rows
 WIDTHS = (32, 32, 64, 64, 128, 128)             # outputs of the 3 x 3 convolutions
 POLAR_HEAD = ((1, 3), (1, 3), (1, 3), (1, 2))   # kernels along the radius
 CARTESIAN_HEAD = ((8, 8),)
-DIM = 128                                       # of a descriptor
+DIM = 128                                       # of a descriptor in the paper
 
 
 def strides(layers: int) -> list[int]:
@@ -28,14 +28,14 @@ def standardize(patches: torch.Tensor) -> torch.Tensor:
 
 
 class HardNet(nn.Module):
-    """[N, 32, 32] patches -> [N, 128], unit length. A head's kernels cover the 8 columns that are left.
+    """[N, 32, 32] patches -> [N, dim], unit length. A head's kernels cover the 8 columns that are left.
 
     Polar patches: rows = angle (circular, averaged before the head), columns = radius. Otherwise
     HardNet as published, for upright patches on a regular grid.
     """
 
     def __init__(self, widths: tuple[int, ...] = WIDTHS, head: tuple[tuple[int, int], ...] = POLAR_HEAD,
-                 dropout: float = 0.1):
+                 dim: int = DIM, dropout: float = 0.1):
         super().__init__()
         self.dropout, self.polar, self.layers, self.head_layers = dropout, head[0][0] == 1, len(widths), len(head)
         polar = self.polar
@@ -43,8 +43,8 @@ class HardNet(nn.Module):
             self.add_module(f"conv{i}", nn.Conv2d(inputs, outputs, 3, stride, (0 if polar else 1, 1), bias=False))
             self.add_module(f"bn{i}", nn.BatchNorm2d(outputs, affine=False))
         for i, kernel in enumerate(head, 1):
-            self.add_module(f"head{i}", nn.Conv2d(widths[-1] if i == 1 else DIM, DIM, kernel, bias=False))
-            self.add_module(f"head_bn{i}", nn.BatchNorm2d(DIM, affine=False))
+            self.add_module(f"head{i}", nn.Conv2d(widths[-1] if i == 1 else dim, dim, kernel, bias=False))
+            self.add_module(f"head_bn{i}", nn.BatchNorm2d(dim, affine=False))
 
     def forward(self, patches: torch.Tensor) -> torch.Tensor:
         x = standardize(patches[:, None])

@@ -41,6 +41,7 @@ class Shape:
     hidden: tuple[int, int, int] = (512, 256, 256)  # layers of the localisation network
     hardnet: tuple[int, ...] = WIDTHS
     head: tuple[tuple[int, int], ...] = POLAR_HEAD
+    dim: int = DIM                                # of a descriptor
 
     @staticmethod
     def of(tensors: Mapping[str, np.ndarray | torch.Tensor]) -> Shape:
@@ -56,10 +57,11 @@ class Shape:
             (count("backbone.layer1.", ".conv1.weight"), count("backbone.layer2.", ".conv1.weight")),
             tuple(extents(f"localization.fc{i}")[0] for i in (1, 2, 3)),
             tuple(extents(f"hardnet.conv{i + 1}")[0] for i in range(count("hardnet.conv", ".weight"))),
-            tuple(extents(f"hardnet.head{i + 1}")[2:] for i in range(count("hardnet.head", ".weight"))))
+            tuple(extents(f"hardnet.head{i + 1}")[2:] for i in range(count("hardnet.head", ".weight"))),
+            extents("hardnet.head1")[0])
 
 
-SHAPES = {"deal": Shape(), "deal-small": Shape(16, (3, 4), (512, 512, 512), (16, 32, 64, 64), ((1, 8),))}
+SHAPES = {"deal": Shape(), "deal-small": Shape(16, (3, 4), (512, 512, 512), (16, 32, 64, 64), ((1, 8),), 64)}
 
 
 class PreconditionedLinear(nn.Module):
@@ -143,7 +145,8 @@ class Deal(nn.Module):
         super().__init__()
         self.backbone = Backbone(shape.channels, shape.blocks)
         self.localization = LocalizationNet(2 * shape.channels, shape.hidden)
-        self.hardnet = HardNet(shape.hardnet, shape.head)
+        self.hardnet = HardNet(shape.hardnet, shape.head, shape.dim)
+        self.dim = shape.dim
         self.gain = geometry.displacement_gain()
         for name in ("unit_grid", "basis", "linear_basis"):
             self.register_buffer(name, None, persistent=False)
@@ -192,11 +195,11 @@ class Deal(nn.Module):
     @torch.no_grad()
     def describe(self, grey: torch.Tensor, keypoints: torch.Tensor, radius_per_size: float, warp: bool = True,
                  supports: tuple[float, ...] = ONE_SUPPORT) -> tuple[torch.Tensor | None, torch.Tensor]:
-        """theta (None without the warp) and descriptors [N, 128] of one image [H, W], in parts to save memory.
+        """theta (None without the warp) and descriptors [N, dim] of one image [H, W], in parts to save memory.
         With several supports, relative radii, a descriptor is the mean over them, scaled to unit length."""
         images, index = grey[None], torch.zeros(len(keypoints), dtype=torch.long, device=grey.device)
         theta = self.localization(self.features_at(images, index, keypoints)) if warp else None
-        rows = [torch.zeros(0, DIM, device=grey.device)]
+        rows = [torch.zeros(0, self.dim, device=grey.device)]
         for start in range(0, len(keypoints), _PART):
             part = slice(start, start + _PART)
             displacement = None if theta is None else self.displacement(theta[part])
@@ -207,7 +210,7 @@ class Deal(nn.Module):
 
     def forward(self, images: torch.Tensor, index: torch.Tensor, keypoints: torch.Tensor,
                 radius_per_size: float, warp: bool = True) -> torch.Tensor:
-        """Descriptors [N, 128]."""
+        """Descriptors [N, dim]."""
         displacement = None
         if warp:
             theta = self.localization(self.features_at(images, index, keypoints))

@@ -4,7 +4,7 @@
 
     inputs   image      [1, 1, H, W] float32 grey in [0, 1]; any H and W
              keypoints  [N, 3] float32 x, y, size in pixels of the image, pixel centres at integers; any N from 1
-    output   descriptors [N, 128] float32, unit length
+    output   descriptors [N, 128] float32 (64 of deal-small), unit length
 
 It holds operators of opset 13 only (sampling is Gather, exact in every runtime), and the metadata of the weights'
 file with their SHA-256. Keypoints are detected outside of it.

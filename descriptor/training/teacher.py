@@ -64,6 +64,21 @@ class Teacher:
         return views
 
 
+def shared_components(descriptors: np.ndarray, dim: int) -> np.ndarray:
+    """[D, dim] with orthonormal columns: what `dim` components keep most of the descriptors [N, D] (PCA around 0).
+
+    The components are mixed such that all have the same variance, as a Hadamard matrix mixes them: batch normalisation
+    changes nothing then, and few bits a component keep as much of each. Dim is a power of two.
+    """
+    _, directions = np.linalg.eigh(descriptors.T @ descriptors)
+    directions = directions[:, ::-1][:, :dim]
+    largest = np.take_along_axis(directions, np.abs(directions).argmax(0)[None], 0)
+    mix = np.ones((1, 1))
+    while len(mix) < dim:
+        mix = np.block([[mix, mix], [mix, -mix]]) / np.sqrt(2)
+    return directions * np.sign(largest) @ mix
+
+
 def _prepare(path: Path, weights: Path) -> int:
     runtime.configure(1)
     return sum(len(view.descriptors) for view in Teacher(weights).targets(Scene(path)))

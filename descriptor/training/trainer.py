@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable
 
+import numpy as np
 import torch
 
 from . import geometry
@@ -19,6 +20,7 @@ from .engine import TrainingStep, configure_model, make_optimizer
 from .model import Deal, save_model
 from .presets import Preset, Stage
 from .schedule import Schedule, rate_factor
+from .teacher import shared_components
 from .validation import MatchingPair, deal_describer, evaluate
 
 RADIUS_PER_SIZE = 9.0   # support radius of validation and of the exported model
@@ -53,7 +55,11 @@ class Trainer:
         self._resume()
         self.log = CsvLog(run.directory / "log.csv", self.step)
         self.validation_log = CsvLog(run.directory / "validation.csv", self.step)
-        self.compute = TrainingStep(model, run.stage, run.preset, device, teacher)
+        components = None
+        if teacher is not None:
+            described = np.concatenate([views[0].descriptors for views in data.targets]).astype(np.float64)
+            components = torch.from_numpy(shared_components(described, model.dim)).float().to(device)
+        self.compute = TrainingStep(model, run.stage, run.preset, device, teacher, components)
 
     def _resume(self) -> None:
         state = read_checkpoint(self.run.directory, self.device)

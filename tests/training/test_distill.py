@@ -15,7 +15,7 @@ from descriptor.training.checkpoint import read_csv
 from descriptor.training.model import SHAPES, Deal, Shape, load_model
 from descriptor.training.presets import preset
 from descriptor.training.scenes import Scene
-from descriptor.training.teacher import Teacher
+from descriptor.training.teacher import Teacher, shared_components
 from descriptor.training.train import resumed_model, starting_model
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "descriptor/model/deal.safetensors"
@@ -32,7 +32,7 @@ class ShapeTest(unittest.TestCase):
             points = torch.tensor([[20.0, 30.0, 4.0], [60.0, 10.0, 7.0]])
             with torch.no_grad():
                 rows = network(torch.rand(1, 64, 80), torch.zeros(2, dtype=torch.long), points, 9.0)
-            self.assertEqual(rows.shape, (2, 128))
+            self.assertEqual(rows.shape, (2, shape.dim))
             torch.testing.assert_close(rows.norm(dim=1), torch.ones(2))
 
 
@@ -45,6 +45,18 @@ class LossTest(unittest.TestCase):
         found = [losses.distillation(*rows, *teacher, 0.07).item() for rows in (teacher, halfway, other)]
         self.assertAlmostEqual(found[0], 0, places=5)
         self.assertLess(found[1], 0.7 * found[2])
+
+
+class ComponentsTest(unittest.TestCase):
+    def test_keep_what_varies_and_share_it_equally(self):
+        rng = np.random.default_rng(1)
+        spread = np.linalg.qr(rng.normal(size=(32, 32)))[0] * np.r_[np.linspace(2, 1, 8), np.full(24, 0.01)]
+        descriptors = rng.normal(size=(4000, 32)) @ spread.T
+        components = shared_components(descriptors, 8)
+        np.testing.assert_allclose(components.T @ components, np.eye(8), atol=1e-9)
+        kept = descriptors @ components
+        np.testing.assert_allclose((kept**2).mean(0), (descriptors**2).sum(1).mean() / 8, rtol=0.01)
+        np.testing.assert_array_equal(components, shared_components(descriptors, 8))
 
 
 class DistillationTest(unittest.TestCase):
