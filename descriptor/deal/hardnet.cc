@@ -153,11 +153,11 @@ AffineMap FuseHead(const std::vector<ConvLayer>& head) {
           std::vector<float>(map.begin(), map.end()), std::vector<float>(bias.begin(), bias.end())};
 }
 
-void NormalizeLength(float* row) {
+void NormalizeLength(std::span<float> row) {
   double squared = 0;
-  for (int i = 0; i < kDescriptorDim; ++i) squared += static_cast<double>(row[i]) * row[i];
+  for (const float value : row) squared += static_cast<double>(value) * value;
   const auto scale = static_cast<float>(1.0 / std::max(std::sqrt(squared), 1e-12));
-  for (int i = 0; i < kDescriptorDim; ++i) row[i] *= scale;
+  for (float& value : row) value *= scale;
 }
 
 HardNet::HardNet(const DealWeights& weights) : HardNet(weights, ScopedPrimitiveThreads(1)) {}
@@ -189,7 +189,7 @@ HardNet::Worker::Worker(const HardNet& net)
     : net_(net),
       framed_(kFramedPixels),
       scratch_(net.scratch_bytes() / sizeof(float) + 1),
-      result_(kBatch * kDescriptorDim) {
+      result_(kBatch * net.dim()) {
   std::size_t tiles = 0;
   std::size_t products = 0;
   const Stage& last = net.stages_.back();
@@ -235,8 +235,9 @@ void HardNet::Worker::Run(const float* patches, std::size_t count, float* descri
   }
   net_.head_.Run(stream_, pooled_.data(), result_.data(), scratch_.data());
   stream_.wait();
-  for (std::size_t p = 0; p < count; ++p) NormalizeLength(result_.data() + p * kDescriptorDim);
-  std::memcpy(descriptors, result_.data(), count * kDescriptorDim * sizeof(float));
+  const std::size_t dim = net_.dim();
+  for (std::size_t p = 0; p < count; ++p) NormalizeLength({result_.data() + p * dim, dim});
+  std::memcpy(descriptors, result_.data(), count * dim * sizeof(float));
 }
 
 void HardNet::Worker::FirstLayer(const float* patches, std::size_t count) {

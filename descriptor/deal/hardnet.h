@@ -29,9 +29,9 @@ struct AffineMap {
 // The layers of the head as one map from columns x channels values, channels fastest.
 AffineMap FuseHead(const std::vector<ConvLayer>& head);
 
-// Scales kDescriptorDim values to unit length. As in PyTorch's normalize, lengths below 1e-12 are
+// Scales a row to unit length. As in PyTorch's normalize, lengths below 1e-12 are
 // replaced by 1e-12.
-void NormalizeLength(float* row);
+void NormalizeLength(std::span<float> row);
 
 // Immutable and thread-safe; workers hold the mutable state.
 //
@@ -48,12 +48,14 @@ class HardNet {
   explicit HardNet(const DealWeights& weights);
   ~HardNet();
 
+  std::size_t dim() const { return static_cast<std::size_t>(head_.shape().columns); }
+
   // Scratch memory for one thread at a time. `net` must outlive it.
   class Worker {
    public:
     explicit Worker(const HardNet& net);
 
-    // Patches count x 32 x 32 (rows = angle) to count x 128, unit length; count <= kBatch.
+    // Patches count x 32 x 32 (rows = angle) to count x dim(), unit length; count <= kBatch.
     // oneDNN must be set to one thread (ScopedPrimitiveThreads).
     void Run(const float* patches, std::size_t count, float* descriptors);
 

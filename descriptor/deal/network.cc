@@ -450,10 +450,10 @@ std::vector<float> DealNetwork::Patches(const GreyImage& image, std::span<const 
 
 std::vector<float> DealNetwork::DescribePatches(std::span<const float> patches, int threads) const {
   const std::size_t count = patches.size() / kPatchPixels;
-  std::vector<float> rows(count * kDescriptorDim);
+  std::vector<float> rows(count * dim());
   ForEach(kBatch, count, threads, [&](std::size_t first, std::size_t batch) {
     TakeWorker()->hardnet.Run(patches.data() + first * kPatchPixels, batch,
-                              rows.data() + first * kDescriptorDim);
+                              rows.data() + first * dim());
   });
   return rows;
 }
@@ -466,7 +466,7 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
   if (keypoints.empty()) return {};
   std::vector<float> theta;
   if (warp) theta = localization_.Theta(backbone_.Run(image, threads), keypoints, threads);
-  std::vector<float> rows(keypoints.size() * kDescriptorDim);
+  std::vector<float> rows(keypoints.size() * dim());
   // A few batches pass the remaining stages in one thread: their buffers stay small, and a stage's
   // weights stay in the cache for some time. There are several such steps a thread.
   const std::size_t share = keypoints.size() / (4 * static_cast<std::size_t>(threads));
@@ -478,7 +478,7 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
       const auto all = std::span<const float>(theta);
       shifts = Displacements(all.subspan(first * kThetaValues, count * kThetaValues), 1);
     }
-    float* const to = rows.data() + first * kDescriptorDim;
+    float* const to = rows.data() + first * dim();
     for (const float support : supports) {
       const std::vector<float> more =
           DescribePatches(Patches(image, points, shifts, support, 1), 1);
@@ -486,7 +486,9 @@ std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keyp
     }
   });
   if (supports.size() == 1) return rows;  // of unit length already
-  for (std::size_t i = 0; i < keypoints.size(); ++i) NormalizeLength(&rows[i * kDescriptorDim]);
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    NormalizeLength(std::span(rows).subspan(i * dim(), dim()));
+  }
   return rows;
 }
 

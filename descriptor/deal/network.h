@@ -123,6 +123,7 @@ class DealNetwork {
   explicit DealNetwork(DealWeights weights);
 
   const DealWeights& weights() const { return *weights_; }
+  std::size_t dim() const { return hardnet_.dim(); }  // of a descriptor
   const Backbone& backbone() const { return backbone_; }
   const LocalizationNet& localization() const { return localization_; }
 
@@ -143,10 +144,10 @@ class DealNetwork {
   std::vector<float> Patches(const GreyImage& image, std::span<const Keypoint> keypoints,
                              std::span<const float> shifts, float support, int threads) const;
 
-  // count x kPatchPixels to count x kDescriptorDim, unit length.
+  // count x kPatchPixels to count x dim(), unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x kDescriptorDim from the image: all stages.
+  // keypoints.size() x dim() from the image: all stages.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
                               std::span<const float> supports, int threads) const;
 

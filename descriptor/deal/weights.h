@@ -19,7 +19,6 @@ inline constexpr int kTpsParameters = 66;  // 63 free weights and 3 affine rows,
 inline constexpr int kThetaValues = 2 * kTpsParameters;
 inline constexpr int kPatchSide = 32;  // rows = angle, columns = radius
 inline constexpr int kPatchPixels = kPatchSide * kPatchSide;
-inline constexpr int kDescriptorDim = 128;
 
 struct ConvLayer {
   int outputs = 0;
@@ -59,19 +58,23 @@ struct DealWeights {
   // 3 x 3 on the polar patch: 32, 32, 64, 64, 128, 128 channels. Strides are 1, but 2 in the second
   // and the fourth layer from the end. There are 6 layers, or 4.
   std::vector<ConvLayer> hardnet;
-  std::vector<ConvLayer> head;  // along the radius, 8 columns to 1: 1 x 3, 1 x 3, 1 x 3, 1 x 2
-  double radius_per_size = 0;   // support radius R = this x keypoint size
+  // Along the radius, 8 columns to 1: 1 x 3, 1 x 3, 1 x 3, 1 x 2, 128 channels each.
+  std::vector<ConvLayer> head;
+  double radius_per_size = 0;  // support radius R = this x keypoint size
   RadialSpacing radial_spacing = RadialSpacing::kLinear;
-  std::string sha256;  // of the file, 64 hex digits
+  bool learned_pooling = false;  // one support gives what a teacher gave averaged over several
+  std::string sha256;            // of the file, 64 hex digits
 
   int feature_channels() const { return blocks.back().conv2.outputs; }  // of the backbone's map X
+  int dim() const { return head.back().outputs; }                       // of a descriptor
 };
 
 // Throws kNotFound when there is no such file; kCorrupt naming file and tensor for a malformed
 // file, a missing, unknown or wrongly shaped tensor (channels are multiples of 16, half of that in
 // the backbone's first stage, up to 1024), a value that is not finite, or metadata
 // ("format" = "pliant-deal", "radius_per_size") that is missing or out of range. Without
-// "radial_spacing" ("linear" or "logarithmic") the spacing is linear.
+// "radial_spacing" ("linear" or "logarithmic") the spacing is linear; without "learned_pooling"
+// ("true" or "false") that is false.
 DealWeights LoadDealWeights(const std::filesystem::path& path);
 DealWeights ParseDealWeights(const SafetensorsFile& file);
 

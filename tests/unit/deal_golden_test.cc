@@ -87,7 +87,7 @@ TEST_P(DealGoldenTest, DescriptorsOfGoldenPatches) {
   const std::vector<float> patches = golden_.tensors.Floats("patches_fixed");
   const std::size_t count = patches.size() / kPatchPixels;
   ExpectNear(network_.DescribePatches(patches, kThreads),
-             std::span(expected).first(count * kDescriptorDim), kTolerance, "hardnet");
+             std::span(expected).first(count * network_.dim()), kTolerance, "hardnet");
 }
 
 TEST_P(DealGoldenTest, WholeNetwork) {

@@ -65,14 +65,15 @@ TEST(DealNetworkTest, SeveralSupportsAreTheirDescriptorsMean) {
   const Image image = RandomImage(120, 90);
   const std::vector<Keypoint> points = RandomKeypoints(35, 120, 90);
   for (const bool warp : {false, true}) {
-    std::vector<float> expected(points.size() * kDescriptorDim);
+    std::vector<float> expected(points.size() * SharedNetwork().dim());
     for (const float support : kPooledSupports) {
       const std::vector<float> one =
           SharedNetwork().Describe(image, points, warp, std::span(&support, 1), 1);
       for (std::size_t i = 0; i < one.size(); ++i) expected[i] += one[i];
     }
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const auto row = std::span(expected).subspan(i * kDescriptorDim, kDescriptorDim);
+      const auto row =
+          std::span(expected).subspan(i * SharedNetwork().dim(), SharedNetwork().dim());
       const double square = std::inner_product(row.begin(), row.end(), row.begin(), 0.0);
       for (float& value : row) value = static_cast<float>(value / std::sqrt(square));
     }
@@ -103,11 +104,11 @@ TEST(DealNetworkTest, TinyAndOddImages) {
     for (const bool warp : {false, true}) {
       const std::vector<float> rows =
           SharedNetwork().Describe(image, RandomKeypoints(5, width, height), warp, kOneSupport, 2);
-      ASSERT_EQ(rows.size(), 5U * kDescriptorDim);
+      ASSERT_EQ(rows.size(), 5U * SharedNetwork().dim());
       for (std::size_t i = 0; i < 5; ++i) {
         double squared = 0;
-        for (std::size_t d = 0; d < kDescriptorDim; ++d) {
-          squared += std::pow(rows[i * kDescriptorDim + d], 2);
+        for (std::size_t d = 0; d < SharedNetwork().dim(); ++d) {
+          squared += std::pow(rows[i * SharedNetwork().dim() + d], 2);
         }
         EXPECT_NEAR(squared, 1, 1e-4) << width << " x " << height;
       }
@@ -163,7 +164,7 @@ TEST(DealNetworkTest, DescriptorInterface) {
   const Image image = RandomImage(90, 70);
   const Descriptors none = deal->Describe(image, {}, 0);
   EXPECT_EQ(none.rows, 0U);
-  EXPECT_EQ(none.dim, kDescriptorDim);
+  EXPECT_EQ(none.dim, 128);
   EXPECT_TRUE(none.floats.empty());
   const std::vector<Keypoint> points = RandomKeypoints(9, 90, 70);
   const Descriptors some = deal->Describe(image, points, 0);
