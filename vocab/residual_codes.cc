@@ -63,7 +63,7 @@ constexpr std::size_t kMostSamples = 20'000;
 
 void Check(const Descriptors& samples, std::span<const std::uint32_t> assignment,
            const CodebookOptions& options) {
-  if (options.bytes < 1 || options.bytes > 128 || options.iterations < 1) {
+  if (options.bytes < 0 || options.bytes > 128 || options.iterations < 1) {
     throw Error(ErrorCode::kInvalidArgument, "codebook_options_invalid",
                 "a code must have 1 to 128 bytes and its training 1 iteration or more");
   }
@@ -313,7 +313,8 @@ Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t
   Codebook book;
   book.code_bytes = samples.dim;
   if (samples.kind == DescriptorKind::kBinary) return book;
-  book.code_bytes = std::max(1, std::min(options.bytes, samples.dim / 2));
+  const int wanted = options.bytes > 0 ? options.bytes : std::min(128, (samples.dim + 3) / 4);
+  book.code_bytes = std::max(1, std::min(wanted, samples.dim / 2));
   const int parts = 2 * book.code_bytes;
   book.part_dim = (samples.dim + parts - 1) / parts;
   const int padded = parts * book.part_dim;

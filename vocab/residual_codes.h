@@ -27,7 +27,9 @@
 namespace pliant {
 
 struct CodebookOptions {
-  int bytes = 32;       // per code: two parts each; at most half the descriptor's components
+  // Per code, two parts each, at most half the descriptor's components; 0: a quarter of them, so
+  // that a part has two.
+  int bytes = 0;
   int iterations = 12;  // of k-means
   std::uint64_t seed = 1;
 };

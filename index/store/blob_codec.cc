@@ -8,10 +8,12 @@
 #include <cstring>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include <zlib.h>
 
 #include "descriptor/base/error.h"
+#include "index/store/descriptor_codec.h"
 #include "vocab/residual_codes.h"
 
 namespace pliant {
@@ -28,14 +30,13 @@ static_assert(std::endian::native == std::endian::little,
 constexpr std::size_t kChecksumBytes = 4;
 
 constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
-constexpr std::uint8_t kFeatureVersion = 1;
-constexpr std::size_t kFeatureHeaderBytes = 24;
-constexpr std::size_t kKeypointBytes = 24;
+constexpr std::uint8_t kFeatureVersion = 2;
+constexpr std::size_t kFeatureHeaderBytes = 23;
+constexpr std::size_t kKeypointBytes = 8;
 constexpr std::uint32_t kMaxRows = 1u << 20;
 constexpr std::uint8_t kWithColours = 1;
 constexpr std::size_t kColourHeaderBytes = 4;
 constexpr std::uint16_t kMaxColourSide = 1024;
-constexpr float kLargestScale = std::numeric_limits<float>::max() / 128.0F;  // of 8-bit steps
 
 // `what`: the blob, in the plural.
 [[noreturn]] void ThrowCorruptBlob(const std::string& what) {
@@ -80,82 +81,56 @@ Bytes CheckedBody(Bytes blob, const char* what) {
   return body;
 }
 
-DescriptorEncoding ChooseEncoding(const Descriptors& descriptors) {
-  if (descriptors.kind == DescriptorKind::kBinary) return DescriptorEncoding::kBits;
-  bool whole = true;
-  for (const float value : descriptors.floats) {
-    if (!std::isfinite(value)) {
-      throw Error(ErrorCode::kInvalidArgument, "descriptor_not_finite",
-                  "a descriptor holds a value that is not a finite number");
-    }
-    whole = whole && value >= 0.0F && value <= 255.0F && value == std::floor(value);
+// `value` of `range` in 65 535 steps.
+std::uint16_t ToShare(float value, int range) {
+  const double share = std::clamp((value + 0.5) / range, 0.0, 1.0);
+  return static_cast<std::uint16_t>(std::lround(share * 65535));
+}
+float FromShare(std::uint16_t share, int range) {
+  return static_cast<float>(share / 65535.0 * range - 0.5);
+}
+
+// Positive values on a logarithmic scale: `value` is 2^((code - 1) / steps + lowest), or 0 for code
+// 0, up to the largest code.
+struct LogScale {
+  double steps;  // an octave
+  double lowest;
+  double largest;
+
+  std::uint16_t Code(float value) const {
+    if (!(value > 0)) return 0;
+    return static_cast<std::uint16_t>(
+        std::clamp(std::round((std::log2(value) - lowest) * steps) + 1, 1.0, largest));
   }
-  return whole ? DescriptorEncoding::kUint8 : DescriptorEncoding::kScaledInt8;
-}
+  float Value(std::uint16_t code) const {
+    return code == 0 ? 0 : static_cast<float>(std::exp2((code - 1) / steps + lowest));
+  }
+};
+constexpr LogScale kSizes = {4096, -2, 65535};  // 0.25 to 16 384 pixels
+constexpr LogScale kResponses = {8, -20, 255};  // 1e-6 to 3444
 
-std::size_t RowBytes(DescriptorEncoding encoding, std::size_t dim) {
-  return encoding == DescriptorEncoding::kScaledInt8 ? dim + sizeof(float) : dim;
-}
-
-// At most kLargestScale, so that every step of the row can be read: values beyond it are cut off
-// there.
-float ScaleOf(std::span<const float> row) {
-  float largest = 0;
-  for (const float value : row) largest = std::max(largest, std::abs(value));
-  return std::min(largest / 127.0F, kLargestScale);
-}
-
-std::int8_t StepOf(float value, float scale) {
-  const float step = scale > 0 ? std::nearbyint(value / scale) : 0.0F;
-  return static_cast<std::int8_t>(std::clamp(step, -127.0F, 127.0F));
-}
-
-void PutScaledRow(std::vector<std::uint8_t>& out, std::span<const float> row) {
-  const float scale = ScaleOf(row);
-  PutValue(out, scale);
-  for (const float value : row) out.push_back(static_cast<std::uint8_t>(StepOf(value, scale)));
-}
-
-void PutDescriptors(std::vector<std::uint8_t>& out, const Descriptors& descriptors,
-                    DescriptorEncoding encoding) {
-  switch (encoding) {
-    case DescriptorEncoding::kBits:
-      out.insert(out.end(), descriptors.bytes.begin(), descriptors.bytes.end());
-      break;
-    case DescriptorEncoding::kUint8:
-      for (const float value : descriptors.floats) out.push_back(static_cast<std::uint8_t>(value));
-      break;
-    case DescriptorEncoding::kScaledInt8:
-      for (std::size_t i = 0; i < descriptors.rows; ++i)
-        PutScaledRow(out, descriptors.float_row(i));
-      break;
+void PutKeypoints(const Features& features, std::vector<std::uint8_t>& out) {
+  for (const Keypoint& k : features.keypoints) {
+    PutValue(out, ToShare(k.x, features.width));
+    PutValue(out, ToShare(k.y, features.height));
+    PutValue(out, kSizes.Code(k.size));
+    const double turns = k.angle / 360.0;
+    PutValue(out, static_cast<std::uint8_t>(std::lround((turns - std::floor(turns)) * 256)));
+    PutValue(out, static_cast<std::uint8_t>(kResponses.Code(k.response)));
   }
 }
 
-Descriptors GetDescriptors(Bytes body, DescriptorEncoding encoding, std::size_t rows, int dim) {
-  const auto width = static_cast<std::size_t>(dim);
-  if (encoding == DescriptorEncoding::kBits) {
-    Descriptors result = Descriptors::Binary(rows, dim);
-    std::copy(body.begin(), body.end(), result.bytes.begin());
-    return result;
+std::vector<Keypoint> GetKeypoints(Bytes bytes, int width, int height) {
+  std::vector<Keypoint> keypoints;
+  keypoints.reserve(bytes.size() / kKeypointBytes);
+  for (std::size_t at = 0; at < bytes.size(); at += kKeypointBytes) {
+    keypoints.push_back({FromShare(GetValue<std::uint16_t>(bytes, at), width),
+                         FromShare(GetValue<std::uint16_t>(bytes, at + 2), height),
+                         kSizes.Value(GetValue<std::uint16_t>(bytes, at + 4)),
+                         static_cast<float>(bytes[at + 6]) * (360.0F / 256),
+                         kResponses.Value(bytes[at + 7])});
   }
-  Descriptors result = Descriptors::Float(rows, dim);
-  if (encoding == DescriptorEncoding::kUint8) {
-    std::copy(body.begin(), body.end(), result.floats.begin());
-    return result;
-  }
-  for (std::size_t i = 0; i < rows; ++i) {
-    const std::size_t offset = i * RowBytes(encoding, width);
-    const auto scale = GetValue<float>(body, offset);
-    if (!(std::abs(scale) <= kLargestScale)) {
-      ThrowCorruptBlob("features have values that are not finite");
-    }
-    for (std::size_t d = 0; d < width; ++d) {
-      result.floats[i * width + d] =
-          scale * static_cast<float>(static_cast<std::int8_t>(body[offset + sizeof(float) + d]));
-    }
-  }
-  return result;
+  return keypoints;
 }
 
 void PutColours(std::vector<std::uint8_t>& out, const ColourGrid& colours) {
@@ -198,6 +173,10 @@ void CheckShape(const Features& features) {
                 "the colours do not fit their grid of " + std::to_string(colours.width) + " x " +
                     std::to_string(colours.height) + " cells");
   }
+  if (d.rows > 0 && (features.width < 1 || features.height < 1)) {
+    throw Error(ErrorCode::kInvalidArgument, "features_shape",
+                "the features have keypoints, but no image size");
+  }
   for (const Keypoint& k : features.keypoints) {
     for (const float value : {k.x, k.y, k.size, k.angle, k.response}) {
       if (std::isfinite(value)) continue;
@@ -215,24 +194,20 @@ constexpr std::uint8_t kCodebookVersion = 1;
 std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
   CheckShape(features);
   const Descriptors& descriptors = features.descriptors;
-  const DescriptorEncoding encoding = ChooseEncoding(descriptors);
   std::vector<std::uint8_t> out;
   out.reserve(kFeatureHeaderBytes + kChecksumBytes +
-              descriptors.rows * (kKeypointBytes + RowBytes(encoding, descriptors.dim)));
+              descriptors.rows *
+                  (kKeypointBytes + CodedRowBytes(descriptors.kind, descriptors.dim)));
   for (const char c : kFeatureMagic) out.push_back(static_cast<std::uint8_t>(c));
   out.push_back(kFeatureVersion);
   out.push_back(static_cast<std::uint8_t>(descriptors.kind));
-  out.push_back(static_cast<std::uint8_t>(encoding));
   out.push_back(features.colours.empty() ? 0 : kWithColours);
   PutValue(out, static_cast<std::uint32_t>(descriptors.rows));
   PutValue(out, static_cast<std::uint32_t>(descriptors.dim));
-  PutValue(out, static_cast<std::uint32_t>(features.width));
-  PutValue(out, static_cast<std::uint32_t>(features.height));
-  for (const Keypoint& k : features.keypoints) {
-    for (const float value : {k.x, k.y, k.size, k.angle, k.response}) PutValue(out, value);
-    PutValue(out, k.octave);
-  }
-  PutDescriptors(out, descriptors, encoding);
+  PutValue(out, static_cast<std::int32_t>(features.width));
+  PutValue(out, static_cast<std::int32_t>(features.height));
+  PutKeypoints(features, out);
+  PutDescriptors(descriptors, &out);
   PutColours(out, features.colours);
   PutValue(out, Crc32(out));
   return out;
@@ -248,64 +223,36 @@ Features DecodeFeatures(Bytes blob) {
     ThrowCorruptBlob("features are of format version " + std::to_string(body[4]) +
                      ", which this Pliant does not read");
   }
-  const auto encoding = static_cast<DescriptorEncoding>(body[6]);
-  const bool binary = body[5] == static_cast<std::uint8_t>(DescriptorKind::kBinary);
-  if (body[5] > 1 || body[6] > 2 || body[7] > kWithColours ||
-      binary != (encoding == DescriptorEncoding::kBits)) {
-    ThrowCorruptBlob("features have an unknown kind or encoding");
-  }
-  const auto rows = GetValue<std::uint32_t>(body, 8);
-  const auto dim = GetValue<std::uint32_t>(body, 12);
+  if (body[5] > 1 || body[6] > kWithColours) ThrowCorruptBlob("features are of an unknown kind");
+  const auto kind = static_cast<DescriptorKind>(body[5]);
+  const bool with_colours = body[6] == kWithColours;
+  const auto rows = GetValue<std::uint32_t>(body, 7);
+  const auto dim = GetValue<std::uint32_t>(body, 11);
   if (rows > kMaxRows || dim > kMaxDim) ThrowCorruptBlob("features claim an impossible size");
-  const std::size_t keypoint_bytes = std::size_t{rows} * kKeypointBytes;
-  const std::size_t end = kFeatureHeaderBytes + keypoint_bytes + rows * RowBytes(encoding, dim);
-  const bool with_colours = body[7] == kWithColours;
+  const std::size_t keypoint_bytes = rows * kKeypointBytes;
+  const std::size_t end =
+      kFeatureHeaderBytes + keypoint_bytes + rows * CodedRowBytes(kind, static_cast<int>(dim));
   if (with_colours ? body.size() < end : body.size() != end) {
     ThrowCorruptBlob("features have a length that differs from what their header says");
   }
   Features features;
-  features.width = static_cast<int>(GetValue<std::uint32_t>(body, 16));
-  features.height = static_cast<int>(GetValue<std::uint32_t>(body, 20));
-  features.keypoints.reserve(rows);
-  for (std::size_t i = 0; i < rows; ++i) {
-    const std::size_t at = kFeatureHeaderBytes + i * kKeypointBytes;
-    for (std::size_t value = 0; value < 5; ++value) {
-      if (!std::isfinite(GetValue<float>(body, at + 4 * value))) {
-        ThrowCorruptBlob("features have keypoints that are not finite");
-      }
-    }
-    features.keypoints.push_back({GetValue<float>(body, at), GetValue<float>(body, at + 4),
-                                  GetValue<float>(body, at + 8), GetValue<float>(body, at + 12),
-                                  GetValue<float>(body, at + 16),
-                                  GetValue<std::int32_t>(body, at + 20)});
+  features.width = GetValue<std::int32_t>(body, 15);
+  features.height = GetValue<std::int32_t>(body, 19);
+  if (rows > 0 && (features.width < 1 || features.height < 1)) {
+    ThrowCorruptBlob("features have keypoints in an image without a size");
   }
-  const Bytes after_keypoints = body.first(end).subspan(kFeatureHeaderBytes + keypoint_bytes);
-  features.descriptors = GetDescriptors(after_keypoints, encoding, rows, static_cast<int>(dim));
+  const Bytes rest = body.subspan(kFeatureHeaderBytes);
+  features.keypoints = GetKeypoints(rest.first(keypoint_bytes), features.width, features.height);
+  features.descriptors =
+      GetDescriptors(rest.subspan(keypoint_bytes), kind, rows, static_cast<int>(dim));
   if (with_colours) features.colours = GetColours(body.subspan(end));
   return features;
 }
 
-// The same sums as in PutDescriptors and GetDescriptors, so that the result is the same to the bit.
 Features InStoredPrecision(Features features) {
-  CheckShape(features);
-  Descriptors& descriptors = features.descriptors;
-  switch (ChooseEncoding(descriptors)) {
-    case DescriptorEncoding::kBits:
-      break;
-    case DescriptorEncoding::kUint8:  // makes -0 a 0
-      for (float& value : descriptors.floats) value = static_cast<std::uint8_t>(value);
-      break;
-    case DescriptorEncoding::kScaledInt8: {
-      const auto dim = static_cast<std::size_t>(descriptors.dim);
-      for (std::size_t i = 0; i < descriptors.rows; ++i) {
-        const std::span<float> row = std::span(descriptors.floats).subspan(i * dim, dim);
-        const float scale = ScaleOf(row);
-        for (float& value : row) value = scale * static_cast<float>(StepOf(value, scale));
-      }
-      break;
-    }
-  }
-  return features;
+  Features stored = DecodeFeatures(EncodeFeatures(features));
+  stored.model_id = std::move(features.model_id);
+  return stored;
 }
 
 std::vector<std::uint8_t> EncodeBow(const Bow& bow) {

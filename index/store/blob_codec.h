@@ -26,14 +26,11 @@ void PutValue(std::vector<std::uint8_t>& out, const T& value) {
   out.insert(out.end(), bytes, bytes + sizeof(T));
 }
 
-// Layout of the descriptors in a feature blob. The encoder chooses it.
-enum class DescriptorEncoding : std::uint8_t {
-  kBits = 0,        // binary descriptors, as they are
-  kUint8 = 1,       // floats that are all whole numbers 0..255 (OpenCV's SIFT): lossless
-  kScaledInt8 = 2,  // float32 scale s = max|v| / 127 a row, then round(v / s) as int8
-};
-
-// Throws kInvalidArgument for descriptors that are not finite or do not fit the keypoints.
+// Places are kept to 1/65 535 of the image's width and height (what lies outside moves to its
+// edge), sizes to 1/4096 of an octave, angles to 1/256 of a turn, responses to 1/8 of an octave,
+// and descriptors as in descriptor_codec.h; octaves are not kept. Throws kInvalidArgument for
+// values that are not finite, for descriptors that do not fit the keypoints, and for keypoints of
+// an image without a size.
 std::vector<std::uint8_t> EncodeFeatures(const Features& features);
 
 // Throws kCorrupt for any error in the blob: magic, version, sizes, checksum. The model id is
@@ -41,8 +38,8 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features);
 Features DecodeFeatures(Bytes blob);
 
 // `features` as they are after storing and reading. Queries and new images are quantised in this
-// precision, so that an image has the same words as a query and as a stored image. Throws what
-// EncodeFeatures throws.
+// precision, so that an image has the same words as a query and as a stored image. Keeps the model
+// id. Throws what EncodeFeatures throws.
 Features InStoredPrecision(Features features);
 
 // Throws kInternal for a bag that is not sorted or lacks a descriptor's code.

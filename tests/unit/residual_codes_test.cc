@@ -253,7 +253,7 @@ TEST(ResidualCodesTest, MalformedCodebooksAreRefused) {
   refuse([](Codebook* book) { book->centroids.pop_back(); });
   refuse([](Codebook* book) { book->centroids[3] = std::nanf(""); });
   ExpectError(ErrorCode::kInvalidArgument, "codebook_options_invalid", [&] {
-    TrainCodebook(samples, good.assignment, good.vocabulary->words, {.bytes = 0});
+    TrainCodebook(samples, good.assignment, good.vocabulary->words, {.bytes = -1});
   });
 }
 
