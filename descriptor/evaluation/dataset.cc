@@ -10,11 +10,10 @@
 #include <system_error>
 #include <utility>
 
-#include <opencv2/imgcodecs.hpp>
-
 #include "descriptor/base/error.h"
 #include "descriptor/evaluation/dataset_readers.h"
-#include "descriptor/image/cv_image.h"
+#include "descriptor/image/image_header.h"
+#include "descriptor/simulation/texture.h"
 
 namespace pliant::evaluation {
 namespace {
@@ -69,21 +68,15 @@ void Look(const fs::path& folder, int depth, Files& files) {
   }
 }
 
-cv::Mat DecodeFile(const fs::path& file, int flags) {
-  const std::string bytes = ReadTextFile(file);
-  cv::Mat pixels;
-  std::string why;
+// `decode` on the file's bytes.
+template <typename Decode>
+auto DecodeFile(const fs::path& file, Decode&& decode) {
+  const std::string text = ReadTextFile(file);
   try {
-    if (!bytes.empty()) {
-      pixels = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1,
-                                    const_cast<char*>(bytes.data())),  // imdecode only reads
-                            flags | cv::IMREAD_IGNORE_ORIENTATION);
-    }
-  } catch (const cv::Exception& error) {
-    why = " (" + error.err + ")";
+    return decode(Bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  } catch (const Error& error) {
+    FailDataset(file, std::string("it is no image that can be decoded: ") + error.what());
   }
-  if (pixels.empty()) FailDataset(file, "it is no image that can be decoded" + why);
-  return pixels;
 }
 
 }  // namespace
@@ -166,9 +159,12 @@ std::string ReadTextFile(const fs::path& file) {
 }
 
 Image ReadGreyImage(const fs::path& file) {
-  return CopyFromMat(DecodeFile(file, cv::IMREAD_GRAYSCALE));
+  return DecodeFile(file, [](Bytes bytes) {
+    if (bytes.size() > 1 && bytes[0] == 'P') return ToGrey(simulation::DecodePnm(bytes));
+    return DecodeImage(bytes, {.max_side_px = 0, .min_side_px = 1}).image;
+  });
 }
 
-cv::Mat ReadUnchanged(const fs::path& file) { return DecodeFile(file, cv::IMREAD_UNCHANGED); }
+cv::Mat ReadDeepPng(const fs::path& file) { return DecodeFile(file, DecodeDeepPng); }
 
 }  // namespace pliant::evaluation

@@ -31,8 +31,8 @@ inline constexpr float kNonRigidMaxDistance = 300.0F;
 
 [[noreturn]] void FailDataset(const std::filesystem::path& file, const std::string& fault);
 std::string ReadTextFile(const std::filesystem::path& file);
-// Any type that OpenCV reads, at its original size. Throws kNotFound, kCorrupt.
+// Any type that DecodeImage reads, PGM or PPM, at its original size. Throws kNotFound, kCorrupt.
 Image ReadGreyImage(const std::filesystem::path& file);
-cv::Mat ReadUnchanged(const std::filesystem::path& file);
+cv::Mat ReadDeepPng(const std::filesystem::path& file);  // 8 or 16 bits, as the file has it
 
 }  // namespace pliant::evaluation

@@ -91,7 +91,7 @@ std::uint32_t PixelValue(const cv::Mat& image, int x, int y) {
 // An optional image of the given size; empty when the file is not there.
 cv::Mat ReadLabels(const fs::path& file, const Image& like) {
   if (!Exists(file)) return {};
-  cv::Mat labels = ReadUnchanged(file);
+  cv::Mat labels = ReadDeepPng(file);
   const int type = labels.type();
   if (labels.cols != like.width || labels.rows != like.height ||
       (type != CV_8UC1 && type != CV_16UC1 && type != CV_8UC3 && type != CV_8UC4)) {
@@ -174,7 +174,7 @@ bool IsNonRigidView(const fs::path& image) {
 void AddNonRigidView(const fs::path& image, SurfaceScene& scene) {
   Image grey = ReadGreyImage(image);
   const fs::path uv_file = Sibling(image, "uv");
-  const cv::Mat uv = ReadUnchanged(uv_file);
+  const cv::Mat uv = ReadDeepPng(uv_file);
   if (uv.depth() != CV_16U || uv.channels() < 2 || uv.channels() > 4 || uv.cols != grey.width ||
       uv.rows != grey.height) {
     FailDataset(uv_file, "it is not a 16-bit colour image of the view's size");

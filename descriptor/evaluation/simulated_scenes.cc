@@ -230,7 +230,7 @@ void AddFolderView(const fs::path& image, SurfaceScene& scene) {
       sizes.push_back({chart.at("width").get<float>(), chart.at("height").get<float>()});
   });
   Image grey = ReadGreyImage(image);
-  const cv::Mat truth = ReadUnchanged(TruthFile(image));
+  const cv::Mat truth = ReadDeepPng(TruthFile(image));
   if (truth.type() != CV_16UC3 || truth.cols != grey.width || truth.rows != grey.height)
     FailDataset(TruthFile(image), "it is not a 16-bit colour image of the view's size");
   SurfaceMap map{grey.width, grey.height, {}};

@@ -9,7 +9,6 @@
 #include <optional>
 #include <utility>
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "descriptor/base/error.h"
@@ -193,17 +192,6 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   return decoded;
 }
 
-std::vector<std::uint8_t> Encode(const Image& image, const char* extension,
-                                 const std::vector<int>& parameters) {
-  cv::Mat pixels = ViewAsMat(image);
-  if (image.channels == 3) cv::cvtColor(pixels, pixels, cv::COLOR_RGB2BGR);
-  std::vector<std::uint8_t> encoded;
-  if (!cv::imencode(extension, pixels, encoded, parameters)) {
-    throw Error(ErrorCode::kInternal, "image_encode_failed", "An image could not be encoded");
-  }
-  return encoded;
-}
-
 }  // namespace
 
 DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
@@ -234,12 +222,6 @@ std::string MediaType(ImageFormat format) {
                                         "image/tiff"};
   return kTypes[static_cast<std::size_t>(format)];
 }
-
-std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality) {
-  return Encode(image, ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
-}
-
-std::vector<std::uint8_t> EncodePng(const Image& image) { return Encode(image, ".png", {}); }
 
 Image ToGrey(const Image& image) {
   if (image.channels == 1) return image;

@@ -116,9 +116,12 @@ ScaledSize ScaleToFit(int width, int height, int max_side_px);
 // "image/jpeg" and so on; "application/octet-stream" for kUnknown.
 std::string MediaType(ImageFormat format);
 
-// Encodes as JPEG (quality 1..100) or PNG. Throws kInternal.
+// Encodes as JPEG (quality 1..100) or PNG. Throws kInternal; std::bad_alloc.
 std::vector<std::uint8_t> EncodeJpeg(const Image& image, int quality = 90);
 std::vector<std::uint8_t> EncodePng(const Image& image);
+// A PNG of 16 bits: width x height x 3 values, row-major.
+std::vector<std::uint8_t> EncodeDeepPng(int width, int height,
+                                        std::span<const std::uint16_t> values);
 
 // The grey values (0.299 R + 0.587 G + 0.114 B) of a colour image; a copy of a grey one.
 Image ToGrey(const Image& image);

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image files, format by format. First the structure (size, completeness, cost of decoding),
 // because a file of a few kilobytes can declare gigabytes. Then the pixels, by the library of the
-// format: libjpeg-turbo, libpng, libwebp, libtiff, OpenCV for BMP. Metadata are not decoded.
+// format: libjpeg-turbo, libpng, libwebp, libtiff; BMP needs none. Metadata are not decoded.
 // Internal to the descriptor library; callers use image.h.
 #pragma once
 
@@ -119,6 +119,7 @@ cv::Mat ThumbnailOf(const JpegPlanes& planes, cv::Size size);
 
 ScannedImage ScanPng(Bytes bytes);
 cv::Mat DecodePng(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+cv::Mat DecodeDeepPng(Bytes bytes);  // with the depth that the file has, 8 or 16 bits
 ScannedImage ScanWebp(Bytes bytes);
 cv::Mat DecodeWebp(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 ScannedImage ScanBmp(Bytes bytes);

@@ -3,6 +3,7 @@
 // PNG (ISO/IEC 15948): chunks of length, type, data, CRC.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <csetjmp>
 #include <cstdio>
 #include <exception>
@@ -51,7 +52,8 @@ double MostDataBytes(const ImageHeader& header, int bit_depth, int colour_type) 
 // one unpacks what lies behind the last row as well, a thousand times its size.)
 class PngDecoder {
  public:
-  PngDecoder() {
+  // With `deep`, 16 bits stay 16.
+  explicit PngDecoder(bool deep) : deep_(deep) {
     png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, OnError,
                                   [](png_structp, const char*) {});
     info_ = png_ == nullptr ? nullptr : png_create_info_struct(png_);
@@ -89,7 +91,11 @@ class PngDecoder {
   static void OnInfo(png_structp png, png_infop info) {
     auto& self = *static_cast<PngDecoder*>(png_get_progressive_ptr(png));
     png_set_expand(png);  // palettes, transparent colours, less than 8 bits
-    png_set_scale_16(png);
+    if (!self.deep_) {
+      png_set_scale_16(png);
+    } else if (std::endian::native == std::endian::little) {
+      png_set_swap(png);
+    }
     png_set_bgr(png);
     const int type = png_get_color_type(png, info);
     if (type == PNG_COLOR_TYPE_GRAY_ALPHA ||
@@ -100,14 +106,15 @@ class PngDecoder {
     png_read_update_info(png, info);
     if (!self.Create(static_cast<int>(png_get_image_height(png, info)),
                      static_cast<int>(png_get_image_width(png, info)),
-                     png_get_channels(png, info))) {
+                     CV_MAKETYPE(png_get_bit_depth(png, info) == 16 ? CV_16U : CV_8U,
+                                 png_get_channels(png, info)))) {
       png_error(png, "out of memory");
     }
   }
 
-  bool Create(int rows, int columns, int channels) {
+  bool Create(int rows, int columns, int type) {
     try {
-      pixels_.create(rows, columns, CV_8UC(channels));
+      pixels_.create(rows, columns, type);
     } catch (const std::exception&) {
       out_of_memory_ = true;
     }
@@ -126,6 +133,7 @@ class PngDecoder {
     }
   }
 
+  const bool deep_;
   png_structp png_ = nullptr;
   png_infop info_ = nullptr;
   cv::Mat pixels_;
@@ -170,7 +178,9 @@ ScannedImage ScanPng(Bytes bytes) {
 }
 
 cv::Mat DecodePng(Bytes bytes, const ImageHeader& /*header*/, bool /*colour*/, int /*reduction*/) {
-  return PngDecoder().Decode(bytes);
+  return PngDecoder(false).Decode(bytes);
 }
+
+cv::Mat DecodeDeepPng(Bytes bytes) { return PngDecoder(true).Decode(bytes); }
 
 }  // namespace pliant

@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/image/prepare_decoders.h"
 
-#include <utility>
+#include <memory>
 #include <vector>
 
+#include <opencv2/core/utility.hpp>
 #include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
+#include <webp/encode.h>
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/image.h"
@@ -18,7 +18,7 @@ namespace {
 constexpr int kWidth = 128;  // large enough to be decoded at an eighth of the size
 constexpr int kHeight = 96;
 constexpr int kSmallSidePx = 12;
-constexpr int kWebpQuality = 50;  // without it OpenCV encodes without loss, which takes long
+constexpr float kWebpQuality = 50;
 
 void DecodeInEveryWay(const std::vector<std::uint8_t>& file) {
   for (const int max_side_px : {0, kSmallSidePx}) {
@@ -52,24 +52,22 @@ void QuietDecoders() { cv::utils::logging::setLogLevel(cv::utils::logging::LOG_L
 
 void PrepareDecoders() {
   cv::setNumThreads(1);
-  cv::Mat colours(kHeight, kWidth, CV_8UC3);
+  Image colours = {kWidth, kHeight, 3, {}};
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      colours.at<cv::Vec3b>(y, x) = {static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y),
-                                     static_cast<std::uint8_t>(x * y)};
+      for (const int value : {x, y, x * y}) {
+        colours.pixels.push_back(static_cast<std::uint8_t>(value));
+      }
     }
   }
-  cv::Mat transparent;
-  cv::Mat deep;
-  cv::cvtColor(colours, transparent, cv::COLOR_BGR2BGRA);
-  colours.convertTo(deep, CV_16U, 257);
-  using Example = std::pair<const char*, const cv::Mat&>;
-  for (const auto& [extension, image] :
-       {Example{".jpg", colours}, Example{".png", colours}, Example{".png", transparent},
-        Example{".png", deep}, Example{".webp", colours}, Example{".bmp", colours},
-        Example{".tiff", colours}, Example{".tiff", deep}}) {
-    std::vector<std::uint8_t> file;
-    cv::imencode(extension, image, file, {cv::IMWRITE_WEBP_QUALITY, kWebpQuality});
+  const std::vector<std::uint16_t> deep(colours.pixels.begin(), colours.pixels.end());
+  std::uint8_t* webp = nullptr;
+  const std::size_t size =
+      WebPEncodeRGB(colours.pixels.data(), kWidth, kHeight, 3 * kWidth, kWebpQuality, &webp);
+  const std::unique_ptr<std::uint8_t, void (*)(void*)> owner(webp, WebPFree);
+  for (const auto& file :
+       {EncodeJpeg(colours), EncodePng(colours), EncodeDeepPng(kWidth, kHeight, deep),
+        std::vector<std::uint8_t>(webp, webp + size)}) {
     DecodeInEveryWay(file);
     DecodeDamaged(file);
   }

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include "descriptor/base/error.h"
 #include "descriptor/simulation/scene_file.h"
@@ -69,18 +68,14 @@ int DigitsOf(const Scene& scene) { return scene.views.size() > 100 ? 3 : 2; }
 
 // Red = u, green = v, blue = chart + 1; 0 in blue = not the object's front.
 std::vector<std::uint8_t> EncodeTruth(const View& view) {
-  cv::Mat truth(view.image.height, view.image.width, CV_16UC3, cv::Scalar::all(0));
+  std::vector<std::uint16_t> truth(3 * view.chart.size());
   for (std::size_t i = 0; i < view.chart.size(); ++i) {
     if (view.chart[i] == kNoChart) continue;
-    auto& pixel = truth.at<cv::Vec3w>(static_cast<int>(i));
-    pixel = cv::Vec3w(static_cast<std::uint16_t>(view.chart[i] + 1), view.uv[2 * i + 1],
-                      view.uv[2 * i]);  // BGR
+    truth[3 * i] = view.uv[2 * i];
+    truth[3 * i + 1] = view.uv[2 * i + 1];
+    truth[3 * i + 2] = static_cast<std::uint16_t>(view.chart[i] + 1);
   }
-  std::vector<std::uint8_t> bytes;
-  if (!cv::imencode(".png", truth, bytes)) {
-    throw Error(ErrorCode::kInternal, "png_failed", "cannot encode a 16-bit PNG");
-  }
-  return bytes;
+  return EncodeDeepPng(view.image.width, view.image.height, truth);
 }
 
 std::string SceneJson(const Scene& scene) {

@@ -18,10 +18,13 @@ void AddDbCommand(CLI::App& program, ExitStatus& status);
 void AddDescribeCommand(CLI::App& program, ExitStatus& status);
 void AddSimulateCommand(CLI::App& program, ExitStatus& status);
 void AddMatchCommand(CLI::App& program, ExitStatus& status);
+inline constexpr const char* kTrack = "Track an object through a video while it bends";
 void AddTrackCommand(CLI::App& program, ExitStatus& status);
 // The benchmarks of `pliant eval`.
 void AddEvalMatching(CLI::App& eval, ExitStatus& status);
 void AddEvalRetrieval(CLI::App& eval, ExitStatus& status);
+inline constexpr const char* kEvalTracking =
+    "Track simulated objects with ground truth (simulate --preset sequence)";
 void AddEvalTracking(CLI::App& eval, ExitStatus& status);
 
 }  // namespace pliant::cli

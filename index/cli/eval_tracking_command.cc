@@ -136,8 +136,7 @@ ExitStatus Run(Options& options) {
 void AddEvalTracking(CLI::App& eval, ExitStatus& status) {
   auto options = std::make_shared<Options>();
   TrackingBenchmarkOptions& benchmark = options->benchmark;
-  CLI::App* app = eval.add_subcommand(
-      "tracking", "Track simulated objects with ground truth (simulate --preset sequence)");
+  CLI::App* app = eval.add_subcommand("tracking", kEvalTracking);
   app->add_option("DIR", options->folder, "folder of scenes, or a folder of such folders (groups)")
       ->required();
   app->add_option("--descriptor", benchmark.descriptors, "comma-separated rows of the table")

@@ -1,9 +1,16 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 #include <csignal>
+#include <filesystem>
 #include <iostream>
 #include <new>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include <unistd.h>
+
+#include "descriptor/base/reuse_memory.h"
 #include "descriptor/image/prepare_decoders.h"
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
@@ -39,6 +46,36 @@ void HideEmptyDefaults(CLI::App& app) {
   }
 }
 
+#ifdef PLIANT_WITH_VIDEO
+void AddVideoCommands(CLI::App& program, CLI::App& eval, ExitStatus& status) {
+  AddEvalTracking(eval, status);
+  AddTrackCommand(program, status);
+}
+#else
+// The libraries that read videos take longer to load than a query takes: pliant-video has them, and
+// all commands.
+void Forward(CLI::App& app, std::vector<const char*> before) {
+  app.prefix_command();
+  app.set_help_flag();
+  app.callback([&app, before = std::move(before)] {
+    const std::filesystem::path program =
+        std::filesystem::read_symlink("/proc/self/exe").replace_filename("pliant-video");
+    const std::vector<std::string> rest = app.remaining();
+    std::vector<const char*> arguments = before;
+    for (const std::string& argument : rest) arguments.push_back(argument.c_str());
+    arguments.push_back(nullptr);
+    execv(program.c_str(), const_cast<char* const*>(arguments.data()));  // takes no others
+    throw Error(ErrorCode::kNotFound, "program_missing",
+                program.string() + ", which reads videos, is not installed");
+  });
+}
+
+void AddVideoCommands(CLI::App& program, CLI::App& eval, ExitStatus& /*status*/) {
+  Forward(*eval.add_subcommand("tracking", kEvalTracking), {"pliant", "eval", "tracking"});
+  Forward(*program.add_subcommand("track", kTrack), {"pliant", "track"});
+}
+#endif
+
 void AddCommands(CLI::App& program, ExitStatus& status) {
   program.option_defaults()->always_capture_default();  // of the commands, too
   AddIndexCommand(program, status);
@@ -53,8 +90,7 @@ void AddCommands(CLI::App& program, ExitStatus& status) {
   eval->footer("Example:  pliant eval matching scenes/");
   AddEvalMatching(*eval, status);
   AddEvalRetrieval(*eval, status);
-  AddEvalTracking(*eval, status);
-  AddTrackCommand(program, status);
+  AddVideoCommands(program, *eval, status);
   HideEmptyDefaults(program);
 }
 
@@ -91,6 +127,7 @@ int main(int argc, char** argv) {
   // A file size limit and a closed pipe cause errors of the write; they do not kill the process.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
+  pliant::ReuseMemory();
   pliant::QuietDecoders();
   const auto status = static_cast<int>(pliant::cli::Run(argc, argv));
   // After a stop by a signal the exit status is that of a process that the signal ended.

@@ -213,7 +213,7 @@ ExitStatus Run(Options& options) {
 
 void AddTrackCommand(CLI::App& program, ExitStatus& status) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("track", "Track an object through a video while it bends");
+  CLI::App* app = program.add_subcommand("track", kTrack);
   app->add_option("REFERENCE", options->reference, "image of the object, nearly flat")->required();
   app->add_option("VIDEO|DIR", options->input, "video file, or folder of frames")->required();
   app->add_option("--region", options->region,

@@ -2,12 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <string_view>
 
+#include "descriptor/base/reuse_memory.h"
 #include "descriptor/image/prepare_decoders.h"
 #include "server/app/run_server.h"
 #include "server/auth/keys_command.h"
 #include "server/decoder/decoder_main.h"
 
 int main(int argc, char** argv) {
+  pliant::ReuseMemory();
   pliant::QuietDecoders();
   if (pliant::server::IsDecoder(argc, argv)) return pliant::server::RunDecoder(argc, argv);
   if (argc > 1 && std::string_view(argv[1]) == "keys") {
