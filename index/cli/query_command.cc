@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -266,7 +267,9 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
                    const Options& options) {
   const bool one_file = options.unwarp.extension() == ".png" || options.unwarp == kStandardOutput;
   bool any = false;
-  for (const Hit& hit : result.hits) {
+  // A mesh of a few chance matches shows nothing.
+  const std::size_t found = std::min(result.hits.size(), result.found.value_or(result.hits.size()));
+  for (const Hit& hit : std::span(result.hits).first(found)) {
     if (!hit.explanation || !hit.explanation->mesh) continue;
     if (!any && !one_file) {
       std::error_code error;
@@ -283,14 +286,14 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
     if (one_file) break;
   }
   if (!any) {
-    Message("skipped {}: no hit was verified, so there is nothing to unwarp",
+    Message("skipped {}: nothing was found, so there is nothing to unwarp",
             PathText(options.unwarp));
   }
   return any;
 }
 
-// Writes the images that --draw and --unwarp ask for, from a result with explanations. false: no
-// hit was verified, so there was nothing to unwarp (reported on standard error).
+// Writes the images that --draw and --unwarp ask for, from a result with explanations. false:
+// nothing was found, so there was nothing to unwarp (reported on standard error).
 bool WriteQueryImages(Engine& engine, Bytes query, const SearchResult& result,
                       const Options& options) {
   if (options.draw.empty() && options.unwarp.empty()) return true;

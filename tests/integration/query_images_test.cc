@@ -96,12 +96,12 @@ TEST_F(QueryImagesTest, UnwarpsTheObjectOntoTheReference) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "flats/01-o2.png"));
 }
 
-TEST_F(QueryImagesTest, NothingVerifiedIsSaid) {
+TEST_F(QueryImagesTest, NothingFoundIsSaid) {
   Index();
   WriteBytes(folder_ / "stranger.png", RandomPng(77));
   const ProgramResult result = Query({"--unwarp", Path("flat.png")}, "stranger.png");
   EXPECT_EQ(result.status, 3);
-  EXPECT_THAT(result.err, HasSubstr("no hit was verified"));
+  EXPECT_THAT(result.err, HasSubstr("nothing was found"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "flat.png"));
 }
 
