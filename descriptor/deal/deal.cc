@@ -19,10 +19,9 @@ namespace pliant {
 namespace {
 
 // "deal" (Potje et al., NeurIPS 2021): the polar grid around each keypoint is bent by the learned
-// thin-plate spline. "deal-fixed": the plain polar grid, for comparison. Floats of unit length
-// per keypoint. DescribeReference averages over three support radii, so that errors of a keypoint's
-// size matter less, in twice the time; a network that has learned to do so (learned_pooling) needs
-// one. The keypoint's angle is not used. Keypoints may lie outside
+// thin-plate spline. "deal-fixed": the plain polar grid, for comparison. Floats of unit length per
+// keypoint. DescribeReference averages over three support radii, so that errors of a keypoint's
+// size matter less, in twice the time. The keypoint's angle is not used. Keypoints may lie outside
 // the image, whose border pixels are replicated.
 //
 // Describe additionally throws kInvalidArgument for a keypoint that is not finite or has no
@@ -48,7 +47,6 @@ class DealDescriptor final : public Descriptor {
 
   Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
                                 int threads) const override {
-    if (network_.weights().learned_pooling) return Describe(grey, keypoints, threads);
     return Describe(grey, keypoints, deal::kPooledSupports, threads);
   }
 

@@ -239,14 +239,12 @@ double ReadRadiusPerSize(const SafetensorsFile& file) {
   return value;
 }
 
-// Whether metadata `key` is `on`; it may be `off`, or missing.
-bool ReadSwitch(const SafetensorsFile& file, const char* key, std::string_view on,
-                std::string_view off) {
-  const auto found = file.metadata().find(key);
-  if (found == file.metadata().end() || found->second == off) return false;
-  if (found->second == on) return true;
-  Fail(file, std::string("metadata '") + key + "' should be '" + std::string(off) + "' or '" +
-                 std::string(on) + "', found '" + found->second + "'");
+RadialSpacing ReadRadialSpacing(const SafetensorsFile& file) {
+  const auto found = file.metadata().find("radial_spacing");
+  if (found == file.metadata().end() || found->second == "linear") return RadialSpacing::kLinear;
+  if (found->second == "logarithmic") return RadialSpacing::kLogarithmic;
+  Fail(file, "metadata 'radial_spacing' should be 'linear' or 'logarithmic', found '" +
+                 found->second + "'");
 }
 
 // What is wrong with the file is wrong with the model.
@@ -267,10 +265,7 @@ DealWeights TakeAll(const SafetensorsFile& file) {
   }
   DealWeights weights;
   weights.radius_per_size = ReadRadiusPerSize(file);
-  if (ReadSwitch(file, "radial_spacing", "logarithmic", "linear")) {
-    weights.radial_spacing = RadialSpacing::kLogarithmic;
-  }
-  weights.learned_pooling = ReadSwitch(file, "learned_pooling", "true", "false");
+  weights.radial_spacing = ReadRadialSpacing(file);
   TensorSource source(file);
   const int channels = source.OutputsOf("backbone.conv1", kChannelStep / 2);
   weights.stem = TakeConv(source, "backbone.conv1", "backbone.bn1", true, {channels, 3, 7, 7}, 2);

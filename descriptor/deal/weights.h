@@ -62,8 +62,7 @@ struct DealWeights {
   std::vector<ConvLayer> head;
   double radius_per_size = 0;  // support radius R = this x keypoint size
   RadialSpacing radial_spacing = RadialSpacing::kLinear;
-  bool learned_pooling = false;  // one support gives what a teacher gave averaged over several
-  std::string sha256;            // of the file, 64 hex digits
+  std::string sha256;  // of the file, 64 hex digits
 
   int feature_channels() const { return blocks.back().conv2.outputs; }  // of the backbone's map X
   int dim() const { return head.back().outputs; }                       // of a descriptor
@@ -73,8 +72,7 @@ struct DealWeights {
 // file, a missing, unknown or wrongly shaped tensor (channels are multiples of 16, half of that in
 // the backbone's first stage, up to 1024), a value that is not finite, or metadata
 // ("format" = "pliant-deal", "radius_per_size") that is missing or out of range. Without
-// "radial_spacing" ("linear" or "logarithmic") the spacing is linear; without "learned_pooling"
-// ("true" or "false") that is false.
+// "radial_spacing" ("linear" or "logarithmic") the spacing is linear.
 DealWeights LoadDealWeights(const std::filesystem::path& path);
 DealWeights ParseDealWeights(const SafetensorsFile& file);
 

@@ -85,8 +85,6 @@ class Trainer:
     def _export(self, name: str) -> None:
         info = {"radius_per_size": str(RADIUS_PER_SIZE), "stage": self.run.stage.name,
                 "steps": str(self.step), "seconds": f"{self.seconds:.0f}", **dict(self.run.info)}
-        if self.run.stage.distill:
-            info["learned_pooling"] = "true"  # teacher.py
         save_model(self.run.directory / name, self.model, info)
 
     def _validate(self) -> None:

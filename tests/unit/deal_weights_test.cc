@@ -115,16 +115,6 @@ TEST_F(DealWeightsTest, RingsAreAtEqualDistancesWhereNothingElseIsSaid) {
   EXPECT_EQ(spacing(), RadialSpacing::kLogarithmic);
 }
 
-TEST_F(DealWeightsTest, LearnedPoolingIsSaidByTheFile) {
-  EXPECT_FALSE(ParseDealWeights(Shipped()).learned_pooling);
-  header_["__metadata__"]["learned_pooling"] = "true";
-  EXPECT_TRUE(
-      ParseDealWeights(SafetensorsFile::Parse(FileOf(header_.dump(), data_), "w.safetensors"))
-          .learned_pooling);
-  header_["__metadata__"]["learned_pooling"] = "yes";
-  EXPECT_THAT(LoadFault(), HasSubstr("should be 'false' or 'true', found 'yes'"));
-}
-
 TEST_F(DealWeightsTest, NamesMissingAndUnknownTensors) {
   Rename("hardnet.conv6.weight", "extra");
   EXPECT_THAT(LoadFault(), HasSubstr("hardnet should have 4 or 6 convolutions, found 5"));
