@@ -20,8 +20,8 @@ constexpr int kDecoys = 130;  // more than are verified at first
 
 class EngineDepthTest : public EngineTest {
  protected:
-  // A query that shows eleven points of one image, and four of each of the others, anywhere:
-  // more of a small image than eleven are of a large one, but they agree on no place.
+  // A query that shows eighteen points of one image, and four of each of the others, anywhere:
+  // more of a small image than eighteen are of a large one, but they agree on no place.
   void SetUp() override {
     engine_.emplace(Options());
     Add(*engine_, EncodePng(RandomImage(999, 400, 300)), "truth", "truth");
@@ -30,7 +30,7 @@ class EngineDepthTest : public EngineTest {
       Add(*engine_, EncodePng(RandomImage(static_cast<std::uint64_t>(i + 1), 60, 60)), name, name);
     }
     Train(*engine_, 50);
-    Take("truth", 11, false);
+    Take("truth", 18, false);
     for (int i = 0; i < kDecoys; ++i) Take("decoy-" + std::to_string(i), 4, true);
   }
   void Take(const std::string& id, std::size_t count, bool scattered) {

@@ -202,7 +202,7 @@ TEST(ResidualCodesTest, FewAndEqualSamplesAreEnough) {
     return made;
   }();
   const ResidualCoder coder(trained.vocabulary);
-  EXPECT_EQ(coder.code_bytes(), static_cast<std::size_t>(kDim / 2));  // at most half the components
+  EXPECT_EQ(coder.code_bytes(), static_cast<std::size_t>(kDim / 4));
   const WordList list = ListOf(trained, coder, samples, 0);
   const LookupTable table = coder.TableOf(samples.float_row(2));
   CodeQuery query;
