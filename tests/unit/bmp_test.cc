@@ -174,14 +174,16 @@ TEST(Bmp, TheLastRowNeedsNoPaddingButItsPixels) {
 
 TEST(Bmp, WhatCannotBeReadIsRefused) {
   const FileBytes data(16 * 16 * 4, 0);
-  for (const Bitmap& bitmap : {Bitmap{.bits = 2}, Bitmap{.bits = 24, .compression = 4},
-                               Bitmap{.bits = 4, .compression = 1},
-                               Bitmap{.bits = 16, .compression = 3, .masks = {0, 0, 0}},
-                               Bitmap{.height = -16, .bits = 8, .compression = 1}}) {
+  const Bitmap two_bits{.bits = 2};
+  const Bitmap jpeg_inside{.bits = 24, .compression = 4};
+  const Bitmap bytes_of_nibbles{.bits = 4, .compression = 1};
+  const Bitmap no_masks{.bits = 16, .compression = 3, .masks = {0, 0, 0}};
+  const Bitmap runs_downwards{.height = -16, .bits = 8, .compression = 1};
+  for (const Bitmap& bitmap : {two_bits, jpeg_inside, bytes_of_nibbles, no_masks, runs_downwards}) {
     ExpectError(ErrorCode::kUnprocessable, "image_corrupt", [&] { Decoded(File(bitmap, data)); });
   }
-  ExpectError(ErrorCode::kUnprocessable, "image_corrupt",
-              [&] { Decoded(File({.bits = 8, .compression = 1}, {16, 1, 0, 0})); });
+  const FileBytes cut_short = File({.bits = 8, .compression = 1}, {16, 1, 0, 0});
+  ExpectError(ErrorCode::kUnprocessable, "image_corrupt", [&] { Decoded(cut_short); });
 }
 
 }  // namespace
