@@ -66,8 +66,8 @@ struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
   // 0: off. Above 0, low-contrast keypoints are described too. An image with fewer keypoints than
-  // this is also described enlarged (enlarged_keypoints.h), which adds at most
-  // keypoints.max_keypoints keypoints.
+  // this is also described enlarged (enlarged_keypoints.h), which adds the strongest keypoints up
+  // to this number, and at most keypoints.max_keypoints.
   int enlarge_below = 0;
   bool colours = true;  // also keep the coarse colours (colour_grid.h)
   ImageDecoder decoder = DecodeImage;

@@ -118,8 +118,12 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
   double describe_ms = watch.LapMs();
   if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
-    const EnlargedKeypoints more =
+    EnlargedKeypoints more =
         DetectEnlarged(decoded.image, features.keypoints, options_.decode.max_side_px, keypoints);
+    const std::size_t wanted =
+        static_cast<std::size_t>(options_.enlarge_below) - features.keypoints.size();
+    more.inside.resize(std::min(more.inside.size(), wanted));  // the strongest come first
+    more.placed.resize(more.inside.size());
     detect_ms += watch.LapMs();
     Append(more, threads, role, &features);
     describe_ms += watch.LapMs();

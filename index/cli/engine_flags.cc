@@ -70,8 +70,8 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   };
   app.add_option_function<int>(
          "--max-keypoints", keypoints,
-         "keypoints per image, strongest first (default: the value of the database, "
-         "1024 for a new one)")
+         "keypoints per indexed image, strongest first; twice as many per query (default: the "
+         "value of the database, 512 for a new one)")
       ->check(Between(1, 4096));
   const auto side = [&engine](int value) {
     engine.max_side_px = value;

@@ -21,10 +21,7 @@ std::shared_ptr<const Descriptor> MakeDescriptorFor(const EngineOptions& options
                         options.descriptor_options);
 }
 
-// ExtractionOptions::enlarge_below. An indexed image is kept in memory, so it is enlarged only
-// where it has few keypoints. A query always: its object may be a small part of it.
-constexpr int kEnlargeIndexedBelow = 512;
-constexpr int kEnlargeQueryBelow = std::numeric_limits<int>::max();
+constexpr int kQueryKeypoints = 2;  // times those of an indexed image
 
 }  // namespace
 
@@ -116,12 +113,13 @@ const EngineCore::Extractors& EngineCore::extractors() {
     CheckModel(descriptor->info());
     ExtractionOptions extraction = options_.extraction;  // others read that
     StoreLimits(extraction);
-    const FeatureExtractor plain(std::move(descriptor), extraction);
-    const auto enlarging = [&](int below) {
-      return options_.enlarge ? plain.WithEnlargeBelow(below) : plain;
-    };
+    int& keypoints = extraction.keypoints.max_keypoints;
+    extraction.enlarge_below = options_.enlarge ? keypoints : 0;
+    FeatureExtractor indexed(descriptor, extraction);
+    keypoints = std::min(kQueryKeypoints * keypoints, kMaxKeypoints);
+    extraction.enlarge_below = options_.enlarge ? std::numeric_limits<int>::max() : 0;
     extractors_ = std::make_unique<const Extractors>(
-        Extractors{enlarging(kEnlargeIndexedBelow), enlarging(kEnlargeQueryBelow)});
+        Extractors{std::move(indexed), {std::move(descriptor), extraction}});
   }
   return *extractors_;
 }

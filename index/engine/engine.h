@@ -27,17 +27,26 @@
 
 namespace pliant {
 
+// How images are indexed unless something else is asked for: with 512 keypoints. More find photos of
+// packages and shirts no better (evaluation/README.md), and cost memory and time.
+inline ExtractionOptions IndexExtraction() {
+  ExtractionOptions extraction;
+  extraction.keypoints.max_keypoints = 512;
+  return extraction;
+}
+
 struct EngineOptions {
   std::filesystem::path database;
   // Descriptor of a NEW database. An existing database must have the same model (Error kConflict
   // "model_mismatch" names both). Empty: the database's own; "deal" for a new database.
   std::string descriptor = "deal";
   DescriptorOptions descriptor_options;
-  ExtractionOptions extraction;
-  // Keypoints per image and longer side in pixels. They are properties of the database, so that
-  // images and queries are described in the same way. Absent: the database's own values; those of
-  // `extraction` for a new database. Other values than the database's are Error kConflict
-  // "extraction_mismatch".
+  ExtractionOptions extraction = IndexExtraction();
+  // Keypoints of an indexed image, and longer side in pixels. They are properties of the database,
+  // so that images and queries are described in the same way; a query has up to twice as many, as
+  // its object may be a small part of it, and as many again enlarged. Absent: the database's own
+  // values; those of `extraction` for a new database. Other values than the database's are Error
+  // kConflict "extraction_mismatch".
   std::optional<int> max_keypoints;
   std::optional<int> max_side_px;
   // Also describe small images, and every query, enlarged. This replaces

@@ -34,7 +34,7 @@ inline const std::vector<std::pair<std::string, RetrievalProtocol>> kRetrievalPr
 struct RetrievalOptions {
   std::vector<std::string> descriptors = {"deal"};
   DescriptorOptions descriptor_options;
-  ExtractionOptions extraction;
+  ExtractionOptions extraction = IndexExtraction();
   std::vector<RetrievalProtocol> protocols = {RetrievalProtocol::kPaper,
                                               RetrievalProtocol::kDefault};
   int seeds = 3;                 // vocabularies are trained with the seeds 1, 2, ...

@@ -21,7 +21,7 @@ namespace pliant {
 
 struct RetrievalGalleryOptions {
   std::shared_ptr<const Descriptor> descriptor;
-  ExtractionOptions extraction;
+  ExtractionOptions extraction = IndexExtraction();
   bool enlarge = true;             // EngineOptions::enlarge
   std::filesystem::path database;  // created if it does not exist
   // Keep the features of all images in the database, so that the next run with it describes only

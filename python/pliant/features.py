@@ -157,7 +157,7 @@ class Extractor:
     model: weight file for deal and its variants; None: the installed one.
     max_keypoints: number of keypoints to keep, strongest first, 1 to 4096.
     max_side: scale larger images down to this longer side in pixels; 0 = never.
-    enlarge_below: also describe images with fewer keypoints at twice their size; 0 = never.
+    enlarge_below: also describe images with fewer keypoints at twice their size, up to this number; 0 = never.
     """
 
     def __init__(self, descriptor: str = "deal", *, model: str | os.PathLike[str] | None = None,

@@ -25,7 +25,7 @@ class Index:
     collection: created if it does not exist and `create`; "default" always exists.
     descriptor: for a new database, deal by default. ConflictError "model_mismatch" if an existing database has another.
     model: weight file for deal; None: the installed one.
-    max_keypoints, max_side: how a new database describes its images (1024 and 1024 pixels). ConflictError
+    max_keypoints, max_side: how a new database describes its images (512 and 1024 pixels). ConflictError
         "extraction_mismatch" if an existing database has other values.
     keep_originals: also stores the images' bytes, for `content`; in `originals_dir` if given.
     busy_timeout: seconds to wait for another process's write before UnavailableError.

@@ -98,7 +98,10 @@ const Flag kFlags[] = {
      "Disk space in MiB that uploads leave free, so that images can still be removed", 0,
      1'048'576},
     {"--max-keypoints", &O::max_keypoints,
-     "Keypoints per image, at least 16; 0 = the database's value, 1024 for a new one", 0, 4096},
+     "Keypoints per indexed image, at least 16, and half of a query's; 0 = the database's value, "
+     "512 "
+     "for a new one",
+     0, 4096},
     {"--max-side", &O::max_side_px,
      "Longer side in pixels to which larger images are scaled, at least 64; 0 = the database's "
      "value, 1024 for a new one",
