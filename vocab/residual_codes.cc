@@ -61,11 +61,10 @@ using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMa
 
 constexpr std::size_t kMostSamples = 20'000;
 
-void Check(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-           const CodebookOptions& options) {
-  if (options.bytes < 0 || options.bytes > 128 || options.iterations < 1) {
-    throw Error(ErrorCode::kInvalidArgument, "codebook_options_invalid",
-                "a code must have 1 to 128 bytes and its training 1 iteration or more");
+void Check(const Descriptors& samples, std::span<const std::uint32_t> assignment, int bytes) {
+  if (bytes < 1 || bytes > 128) {
+    throw Error(ErrorCode::kInvalidArgument, "code_bytes_invalid",
+                "A code must have 1 to 128 bytes.");
   }
   if (samples.rows == 0 || assignment.size() != samples.rows) {
     throw Error(ErrorCode::kInvalidArgument, "no_samples",
@@ -127,9 +126,10 @@ class PartClustering {
     }
   }
 
-  std::vector<float> Centroids(int iterations, std::mt19937_64* random) const {
+  std::vector<float> Centroids(std::mt19937_64* random) const {
+    constexpr int kIterations = 12;
     std::vector<float> centroids = Seeds(random);
-    for (int i = 0; i < iterations; ++i) Update(&centroids);
+    for (int i = 0; i < kIterations; ++i) Update(&centroids);
     return centroids;
   }
 
@@ -308,23 +308,22 @@ LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
 }
 
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                       const Descriptors& words, const CodebookOptions& options) {
-  Check(samples, assignment, options);
+                       const Descriptors& words, int bytes, std::uint64_t seed) {
+  Check(samples, assignment, bytes);
   Codebook book;
   book.code_bytes = samples.dim;
   if (samples.kind == DescriptorKind::kBinary) return book;
-  const int wanted = options.bytes > 0 ? options.bytes : std::min(128, (samples.dim + 3) / 4);
-  book.code_bytes = std::max(1, std::min(wanted, samples.dim / 2));
+  book.code_bytes = std::max(1, std::min(bytes, samples.dim / 2));
   const int parts = 2 * book.code_bytes;
   book.part_dim = (samples.dim + parts - 1) / parts;
   const int padded = parts * book.part_dim;
   const Matrix residuals = Residuals(samples, assignment, words, padded);
   const Matrix rotation = Rotation(residuals, parts, book.part_dim);
   const Matrix rotated = residuals * rotation.transpose();
-  std::mt19937_64 random(options.seed);
+  std::mt19937_64 random(seed);
   for (int p = 0; p < parts; ++p) {
     const PartClustering part(rotated, p * book.part_dim, book.part_dim);
-    const std::vector<float> centroids = part.Centroids(options.iterations, &random);
+    const std::vector<float> centroids = part.Centroids(&random);
     book.centroids.insert(book.centroids.end(), centroids.begin(), centroids.end());
   }
   const Matrix used = rotation.leftCols(samples.dim);

@@ -26,19 +26,12 @@
 
 namespace pliant {
 
-struct CodebookOptions {
-  // Per code, two parts each, at most half the descriptor's components; 0: a quarter of them, so
-  // that a part has two.
-  int bytes = 0;
-  int iterations = 12;  // of k-means
-  std::uint64_t seed = 1;
-};
-
-// Learned on the residuals of `samples` to their words: assignment[i] is the word of sample i.
+// Learned on the residuals of `samples` to their words: assignment[i] is the word of sample i. A
+// code gets `bytes` bytes of two parts each (1 to 128), but at most one for two components.
 // Deterministic. For binary descriptors only the size is set. Throws kInvalidArgument
-// "codebook_options_invalid", "no_samples".
+// "code_bytes_invalid", "no_samples".
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                       const Descriptors& words, const CodebookOptions& options = {});
+                       const Descriptors& words, int bytes, std::uint64_t seed = 1);
 
 // Throws kInvalidArgument "codebook_malformed" for contradictory sizes or values that are not
 // finite.

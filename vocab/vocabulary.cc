@@ -16,12 +16,14 @@
 namespace pliant {
 namespace {
 
+// Of descriptors with 64 or 128 components: longer codes find real photos no better
+// (index/evaluation/README.md).
+constexpr int kCodeBytes = 16;
+
 // The codebook, which tells descriptors of one word apart.
 void LearnCodes(const Descriptors& samples, std::span<const std::uint32_t> assignment,
                 std::uint64_t seed, Vocabulary* vocabulary) {
-  CodebookOptions options;
-  options.seed = seed;
-  vocabulary->codebook = TrainCodebook(samples, assignment, vocabulary->words, options);
+  vocabulary->codebook = TrainCodebook(samples, assignment, vocabulary->words, kCodeBytes, seed);
 }
 
 void TrainInLevels(const Descriptors& samples, const KMedoidsOptions& options,

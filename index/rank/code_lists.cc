@@ -13,7 +13,6 @@ CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t voc
   CodeLists lists;
   lists.bytes_ = coder.code_bytes();
   lists.binary_ = coder.binary();
-  lists.SetImages(images.size());
   std::vector<std::size_t> starts(vocabulary_size + 1, 0);
   std::vector<std::uint8_t> codes;
   for (const IndexedImage& image : images) {
@@ -39,7 +38,7 @@ CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t voc
   lists.codes_.reserve(codes.size() + kCodePadding);
   lists.images_.reserve(entries.size());
   if (!lists.binary_) lists.biases_.reserve(entries.size());
-  lists.offsets_.reserve(vocabulary_size * lists.pages_ + 1);
+  lists.offsets_.reserve(vocabulary_size + 1);
   for (std::size_t w = 0; w < vocabulary_size; ++w) {
     lists.AddWord(std::span(entries).subspan(starts[w], starts[w + 1] - starts[w]), codes);
   }
@@ -50,15 +49,12 @@ CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t voc
 CodeLists CodeLists::Merge(std::span<const Source> sources) {
   CodeLists merged;
   std::size_t words = 0;
-  std::size_t images = 0;
   for (const Source& source : sources) {
     merged.bytes_ = source.lists->bytes_;
     merged.binary_ = source.lists->binary_;
     words = std::max(words, source.lists->vocabulary_size());
-    for (const std::uint32_t position : *source.position) images += position != kGone ? 1 : 0;
   }
-  merged.SetImages(images);
-  merged.offsets_.reserve(words * merged.pages_ + 1);
+  merged.offsets_.reserve(words + 1);
   std::vector<Entry> entries;
   std::vector<std::uint8_t> codes;
   for (std::uint32_t w = 0; w < words; ++w) {
@@ -95,16 +91,13 @@ void CodeLists::AddWord(std::span<const Entry> entries, const std::vector<std::u
   }
   std::vector<std::uint8_t> rows;
   rows.reserve(entries.size() * bytes_);
-  auto entry = entries.begin();
-  for (std::size_t page = 0; page < pages_; ++page) {
-    for (; entry != entries.end() && entry->image / kPage == page; ++entry) {
-      images_.push_back(static_cast<std::uint8_t>(entry->image % kPage));
-      if (!binary_) biases_.push_back(entry->bias);
-      rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry->code),
-                  codes.begin() + static_cast<std::ptrdiff_t>(entry->code + bytes_));
-    }
-    offsets_.push_back(static_cast<std::uint32_t>(images_.size()));
+  for (const Entry& entry : entries) {
+    images_.push_back(static_cast<ImageNumber>(entry.image));
+    if (!binary_) biases_.push_back(entry.bias);
+    rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry.code),
+                codes.begin() + static_cast<std::ptrdiff_t>(entry.code + bytes_));
   }
+  offsets_.push_back(static_cast<std::uint32_t>(images_.size()));
   AppendCodes(rows.data(), entries.size(), bytes_, &codes_);
 }
 
@@ -121,27 +114,18 @@ CodeList CodeLists::List(std::uint32_t word) const {
           First(word + 1) - first, bytes_};
 }
 
-std::uint32_t CodeLists::Image(std::uint32_t word, std::size_t i) const {
-  const std::size_t code = First(word) + i;
-  const auto ends = offsets_.begin() + static_cast<std::ptrdiff_t>(word * pages_ + 1);
-  const auto page = std::upper_bound(ends, ends + static_cast<std::ptrdiff_t>(pages_), code) - ends;
-  return static_cast<std::uint32_t>(page) * kPage + images_[code];
-}
-
 Bow CodeLists::BowOf(std::size_t image) const {
   Bow bow;
   for (std::uint32_t w = 0; w < vocabulary_size(); ++w) {
-    const std::size_t page = w * pages_ + image / kPage;
-    const std::uint8_t* all = images_.data();
-    const auto [first, last] =
-        std::equal_range(all + offsets_[page], all + offsets_[page + 1], image % kPage);
+    const auto images = Images(w);
+    const auto [first, last] = std::equal_range(images.begin(), images.end(), image);
     if (first == last) continue;
     const auto count = static_cast<std::uint32_t>(last - first);
     bow.words.push_back({w, count});
     bow.total += count;
-    for (const std::uint8_t* code = first; code != last; ++code) {
+    for (auto code = first; code != last; ++code) {
       bow.codes.resize(bow.codes.size() + bytes_);
-      CopyCode(List(w), static_cast<std::size_t>(code - all) - First(w),
+      CopyCode(List(w), static_cast<std::size_t>(code - images.begin()),
                bow.codes.data() + bow.codes.size() - bytes_);
     }
   }

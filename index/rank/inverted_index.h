@@ -19,10 +19,11 @@
 
 namespace pliant {
 
-// An immutable piece of the index: up to 16384 images, and the codes of their descriptors by word.
+// An immutable piece of the index: up to kMaxImages images, and the codes of their descriptors by
+// word.
 class IndexSegment {
  public:
-  static constexpr std::size_t kMaxImages = 16384;
+  static constexpr std::size_t kMaxImages = CodeLists::kMaxImages;
 
   struct Image {
     std::int64_t key = 0;

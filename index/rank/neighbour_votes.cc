@@ -86,9 +86,10 @@ void NeighbourQuery::Collect(const CodeLists& lists, const std::vector<bool>* de
     } else {
       query.table = &tables_[cell.row];
     }
+    const auto images = lists.Images(cell.word);
     const std::size_t found = ScanCodes(list, query, near.data());
     for (std::size_t i = 0; i < found; ++i) {
-      const std::uint32_t image = lists.Image(cell.word, near[i].index);
+      const std::uint32_t image = images[near[i].index];
       const float weight = query.limit - near[i].squared_distance;
       if (dead != nullptr && (*dead)[image]) continue;
       votes->push_back({cell.row, image, lists.First(cell.word) + near[i].index, weight});

@@ -19,9 +19,9 @@ std::vector<std::uint8_t> NoiseFile(int width, int height, std::uint64_t seed) {
   return testing::EncodeAs(testing::NoiseImage(width, height, seed), ".png");
 }
 
-FeatureExtractor Extractor(const ExtractionOptions& options = {}) {
-  return FeatureExtractor(MakeDescriptor("rootsift"), options)
-      .WithEnlargeBelow(std::numeric_limits<int>::max());
+FeatureExtractor Extractor(ExtractionOptions options = {}) {
+  options.enlarge_below = std::numeric_limits<int>::max();
+  return {MakeDescriptor("rootsift"), options};
 }
 
 // How many of `few` lie where one of `many` of nearly the same size does.

@@ -56,10 +56,8 @@ Trained Train(const Descriptors& samples, int bytes) {
   std::vector<NearestTwo> nearest(samples.rows);
   packed.FindNearest(samples, 0, samples.rows, nearest.data());
   for (const NearestTwo& one : nearest) trained.assignment.push_back(one.index);
-  CodebookOptions options;
-  options.bytes = bytes;
   trained.vocabulary->codebook =
-      TrainCodebook(samples, trained.assignment, trained.vocabulary->words, options);
+      TrainCodebook(samples, trained.assignment, trained.vocabulary->words, bytes);
   return trained;
 }
 
@@ -198,7 +196,8 @@ TEST(ResidualCodesTest, FewAndEqualSamplesAreEnough) {
   const Trained trained = [&] {
     Trained made{std::make_shared<Vocabulary>(), {0, 0, 0}};
     made.vocabulary->words = SelectRows(samples, std::vector<std::uint32_t>{0});
-    made.vocabulary->codebook = TrainCodebook(samples, made.assignment, made.vocabulary->words);
+    made.vocabulary->codebook =
+        TrainCodebook(samples, made.assignment, made.vocabulary->words, kDim / 4);
     return made;
   }();
   const ResidualCoder coder(trained.vocabulary);
@@ -223,7 +222,7 @@ TEST(ResidualCodesTest, BinaryDescriptorsAreTheirOwnCodes) {
   Trained trained{std::make_shared<Vocabulary>(), std::vector<std::uint32_t>(70, 0)};
   trained.vocabulary->words = SelectRows(samples, std::vector<std::uint32_t>{0});
   trained.vocabulary->codebook =
-      TrainCodebook(samples, trained.assignment, trained.vocabulary->words);
+      TrainCodebook(samples, trained.assignment, trained.vocabulary->words, 1);
   const ResidualCoder coder(trained.vocabulary);
   const WordList list = ListOf(trained, coder, samples, 0);
   CodeQuery query;
@@ -252,9 +251,8 @@ TEST(ResidualCodesTest, MalformedCodebooksAreRefused) {
   refuse([](Codebook* book) { book->rotation.pop_back(); });
   refuse([](Codebook* book) { book->centroids.pop_back(); });
   refuse([](Codebook* book) { book->centroids[3] = std::nanf(""); });
-  ExpectError(ErrorCode::kInvalidArgument, "codebook_options_invalid", [&] {
-    TrainCodebook(samples, good.assignment, good.vocabulary->words, {.bytes = -1});
-  });
+  ExpectError(ErrorCode::kInvalidArgument, "code_bytes_invalid",
+              [&] { TrainCodebook(samples, good.assignment, good.vocabulary->words, 0); });
 }
 
 }  // namespace
