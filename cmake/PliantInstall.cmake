@@ -50,7 +50,6 @@ set(PLIANT_PUBLIC_HEADERS
     descriptor/image/image.h
     descriptor/match/distance.h
     descriptor/match/matching.h
-    descriptor/match/stepped.h
     descriptor/simulation/simulate.h
     descriptor/warp/tps.h
     descriptor/warp/tps_ransac.h

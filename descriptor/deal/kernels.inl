@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Included by kernels.cc once for each instruction set; see there.
+// Included once for each instruction set (base/kernel_sets.inl).
 
 namespace pliant::deal::PLIANT_KERNELS {
 namespace {

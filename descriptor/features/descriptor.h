@@ -65,6 +65,9 @@ std::filesystem::path ModelPath(const std::string& name, const std::filesystem::
 struct ExtractionOptions {
   DecodeOptions decode;
   KeypointOptions keypoints;
+  // Of an image with more keypoints at its own size, only so many are described
+  // (KeepStrongAndSpread). 0: all.
+  int keep = 0;
   // 0: off. Above 0, low-contrast keypoints are described too. An image with fewer keypoints than
   // this is also described enlarged (enlarged_keypoints.h), which adds the strongest keypoints up
   // to this number, and at most keypoints.max_keypoints.
@@ -123,9 +126,6 @@ class FeatureExtractor {
   std::optional<Features> ExtractSecondPass(Bytes encoded, const Features& known,
                                             const std::optional<Region>& part, int threads,
                                             ExtractionTimings* timings = nullptr) const;
-
-  // The same with another ExtractionOptions::enlarge_below.
-  FeatureExtractor WithEnlargeBelow(int keypoints) const;
 
  private:
   Features Extract(const DecodedImage& decoded, const std::optional<Region>& inside, int threads,

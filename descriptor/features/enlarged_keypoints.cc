@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <functional>
 #include <utility>
 
 namespace pliant {
@@ -15,12 +14,13 @@ constexpr double kEnlargement = 2;
 constexpr int kEnlargedSide = 1024;         // pixels, at most: a larger image is not a small one
 constexpr double kLeastEnlargement = 1.25;  // below, nothing new comes to light
 
+constexpr float kTwinPlace = 0.25F;  // of the smaller size
+
 bool IsTwin(const Keypoint& a, const Keypoint& b) {
-  constexpr float kPlace = 0.25F;   // of the size
   constexpr float kOctaves = 1.2F;  // ratio of sizes
-  const float size = std::min(a.size, b.size);
-  return std::abs(a.x - b.x) < kPlace * size && std::abs(a.y - b.y) < kPlace * size &&
-         a.size < kOctaves * b.size && b.size < kOctaves * a.size;
+  const float reach = kTwinPlace * std::min(a.size, b.size);
+  return std::abs(a.x - b.x) < reach && std::abs(a.y - b.y) < reach && a.size < kOctaves * b.size &&
+         b.size < kOctaves * a.size;
 }
 
 constexpr int kMargin = 64;             // pixels of what is decoded
@@ -52,7 +52,7 @@ constexpr int kOverlap = 96;           // rows on either side: what DEAL sees ar
 // Rows of the image.
 struct Strip {
   int top = 0, bottom = 0;    // of its keypoints
-  int first = 0, height = 0;  // of what is searched
+  int first = 0, height = 0;  // of what they are described from
 };
 
 std::vector<Strip> StripsOf(const Image& image) {
@@ -70,25 +70,6 @@ std::vector<Strip> StripsOf(const Image& image) {
 
 Image RowsOf(const Image& image, const Strip& strip) {
   return CutOut(image, {0, strip.first, image.width, strip.height});
-}
-
-bool IsInMiddle(const Keypoint& k, const Strip& strip) {
-  const auto row = static_cast<int>(std::lround(k.y)) + strip.first;  // centres are at integers
-  return row >= strip.top && row < strip.bottom;
-}
-
-// Keeps the `most` strongest keypoints of all strips.
-void KeepStrongest(std::size_t most, std::vector<std::vector<Keypoint>>* of_strips) {
-  std::vector<float> responses;
-  for (const auto& keypoints : *of_strips) {
-    for (const Keypoint& k : keypoints) responses.push_back(k.response);
-  }
-  if (responses.size() <= most) return;
-  const auto last = responses.begin() + static_cast<std::ptrdiff_t>(most - 1);
-  std::nth_element(responses.begin(), last, responses.end(), std::greater<>());
-  for (auto& keypoints : *of_strips) {
-    std::erase_if(keypoints, [&](const Keypoint& k) { return k.response < *last; });
-  }
 }
 
 }  // namespace
@@ -116,12 +97,15 @@ EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<con
   std::vector<Keypoint> placed(found.begin(), found.end());
   for (Keypoint& k : placed) k.y += static_cast<float>(top);
   ScaleToOriginal(placed, scale);
+  std::vector<Keypoint> by_x(known.begin(), known.end());
+  std::sort(by_x.begin(), by_x.end(), [](const auto& a, const auto& b) { return a.x < b.x; });
   for (std::size_t i = 0; i < found.size(); ++i) {
     const Keypoint& place = placed[i];
-    if (std::any_of(known.begin(), known.end(),
-                    [&](const Keypoint& other) { return IsTwin(place, other); })) {
-      continue;
-    }
+    const float reach = kTwinPlace * place.size;
+    auto other = std::lower_bound(by_x.begin(), by_x.end(), place.x - reach,
+                                  [](const Keypoint& k, float x) { return k.x < x; });
+    while (other != by_x.end() && other->x <= place.x + reach && !IsTwin(place, *other)) ++other;
+    if (other != by_x.end() && other->x <= place.x + reach) continue;
     result.inside.push_back(found[i]);
     result.placed.push_back(place);
   }
@@ -129,14 +113,14 @@ EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<con
 }
 
 EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
-                                 int max_side_px, const KeypointOptions& options) {
+                                 int max_side_px, const KeypointOptions& options, int threads) {
   const double factor = EnlargementOf(std::max(grey.width, grey.height), max_side_px);
   if (factor == 1) return {};
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
   Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
   KeypointOptions enlarged = options;
   if (options.inside) enlarged.inside = Scaled(*options.inside, factor);
-  const auto found = DetectLowContrastKeypoints(image, enlarged);
+  const auto found = DetectLowContrastKeypoints(image, enlarged, threads);
   return WithoutKnown(std::move(image), factor, /*top=*/0, found, known);
 }
 
@@ -190,25 +174,23 @@ std::optional<int> SecondPassSide(double longer_side_px, int max_side_px) {
 
 std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
                                                       std::span<const Keypoint> known,
-                                                      double factor,
-                                                      const KeypointOptions& options) {
+                                                      double factor, const KeypointOptions& options,
+                                                      int threads) {
   const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
   const Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  const std::vector<Strip> strips = StripsOf(image);
-  std::vector<std::vector<Keypoint>> found;
-  for (const Strip& strip : strips) {
-    KeypointOptions of_strip = options;
-    if (options.inside) {
-      of_strip.inside = SeenFrom(Scaled(*options.inside, factor), /*left=*/0, strip.first);
-    }
-    found.push_back(DetectLowContrastKeypoints(RowsOf(image, strip), of_strip));
-    std::erase_if(found.back(), [&](const Keypoint& k) { return !IsInMiddle(k, strip); });
-  }
-  KeepStrongest(static_cast<std::size_t>(options.max_keypoints), &found);
+  KeypointOptions finer = options;
+  if (options.inside) finer.inside = Scaled(*options.inside, factor);
+  const auto all = DetectLowContrastKeypoints(image, finer, threads);
   std::vector<EnlargedKeypoints> result;
-  for (std::size_t i = 0; i < strips.size(); ++i) {
-    result.push_back(
-        WithoutKnown(RowsOf(image, strips[i]), scale * factor, strips[i].first, found[i], known));
+  for (const Strip& strip : StripsOf(image)) {
+    std::vector<Keypoint> found;
+    for (Keypoint k : all) {
+      const auto row = static_cast<int>(std::lround(k.y));  // centres are at integers
+      if (row < strip.top || row >= strip.bottom) continue;
+      k.y -= static_cast<float>(strip.first);
+      found.push_back(k);
+    }
+    result.push_back(WithoutKnown(RowsOf(image, strip), scale * factor, strip.first, found, known));
   }
   return result;
 }

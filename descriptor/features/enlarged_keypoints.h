@@ -26,7 +26,7 @@ struct EnlargedKeypoints {
 // those that `known` (in pixels of `grey`) has already: duplicates break the ratio test of
 // matching, in which the second nearest must be clearly farther away. Thread-safe.
 EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
-                                 int max_side_px, const KeypointOptions& options);
+                                 int max_side_px, const KeypointOptions& options, int threads = 1);
 
 // How much larger DetectEnlarged makes an image with this longer side; 1 = not at all.
 double EnlargementOf(double longer_side_px, int max_side_px);
@@ -66,13 +66,12 @@ std::optional<int> SecondPassSide(double longer_side_px, int max_side_px);
 // Detects keypoints in `grey`, which shows the original scaled by `scale`, once it is `factor` (at
 // least 1) times as large: the strongest options.max_keypoints of options.inside (in pixels of
 // `grey`), without those that `known` has already. `known` and EnlargedKeypoints::placed are in
-// pixels of the original. The image comes in strips of the same size, which overlap, so that
-// OpenCV's pyramid (230 bytes per pixel) and the description of a strip need no more memory than
-// for an image of the usual size. A keypoint belongs to the strip in whose middle it lies.
-// Thread-safe.
+// pixels of the original. The image comes in strips of the same size, which overlap, so that the
+// description of a strip needs no more memory than that of an image of the usual size. A keypoint
+// belongs to the strip in whose middle it lies. Thread-safe.
 std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
                                                       std::span<const Keypoint> known,
-                                                      double factor,
-                                                      const KeypointOptions& options);
+                                                      double factor, const KeypointOptions& options,
+                                                      int threads = 1);
 
 }  // namespace pliant

@@ -112,14 +112,17 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   features.model_id = descriptor_->info().model_id;
   features.colours = MakeColourGrid(decoded.thumbnail);
   features.keypoints = options_.enlarge_below > 0
-                           ? DetectLowContrastKeypoints(decoded.image, keypoints)
-                           : DetectKeypoints(decoded.image, keypoints);
+                           ? DetectLowContrastKeypoints(decoded.image, keypoints, threads)
+                           : DetectKeypoints(decoded.image, keypoints, threads);
+  if (options_.keep > 0) {
+    KeepStrongAndSpread(static_cast<std::size_t>(options_.keep), &features.keypoints);
+  }
   double detect_ms = watch.LapMs();
   features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
   double describe_ms = watch.LapMs();
   if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
-    EnlargedKeypoints more =
-        DetectEnlarged(decoded.image, features.keypoints, options_.decode.max_side_px, keypoints);
+    EnlargedKeypoints more = DetectEnlarged(decoded.image, features.keypoints,
+                                            options_.decode.max_side_px, keypoints, threads);
     const std::size_t wanted =
         static_cast<std::size_t>(options_.enlarge_below) - features.keypoints.size();
     more.inside.resize(std::min(more.inside.size(), wanted));  // the strongest come first
@@ -167,8 +170,9 @@ std::optional<Features> FeatureExtractor::ExtractSecondPass(Bytes encoded, const
   std::vector<Keypoint> known_here = known.keypoints;
   Shift(&known_here, -view->left, -view->top);
   const double scale = view->decoded.scale;
-  auto strips = DetectAtHighResolution(view->decoded.image, scale, known_here,
-                                       std::max(1.0, *side / (longer_side * scale)), keypoints);
+  auto strips =
+      DetectAtHighResolution(view->decoded.image, scale, known_here,
+                             std::max(1.0, *side / (longer_side * scale)), keypoints, threads);
   const double detect_ms = watch.LapMs();
   Features features = known;
   for (EnlargedKeypoints& more : strips) {
@@ -181,12 +185,6 @@ std::optional<Features> FeatureExtractor::ExtractSecondPass(Bytes encoded, const
     timings->describe_ms += watch.LapMs();
   }
   return features;
-}
-
-FeatureExtractor FeatureExtractor::WithEnlargeBelow(int keypoints) const {
-  ExtractionOptions options = options_;
-  options.enlarge_below = keypoints;
-  return {descriptor_, std::move(options)};
 }
 
 }  // namespace pliant

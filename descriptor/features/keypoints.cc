@@ -3,20 +3,19 @@
 #include "descriptor/features/keypoints.h"
 
 #include <algorithm>
+#include <limits>
+#include <numeric>
 #include <string>
-#include <tuple>
-
-#include <opencv2/features2d.hpp>
+#include <utility>
 
 #include "descriptor/base/error.h"
-#include "descriptor/image/cv_image.h"
+#include "descriptor/features/sift.h"
 
 namespace pliant {
 namespace {
 
 constexpr double kContrast = 0.04;  // OpenCV's default
 constexpr double kLowContrast = 0.02;
-constexpr int kLayersAnOctave = 3;
 
 void CheckOptions(const Image& grey, const KeypointOptions& options) {
   if (grey.channels != 1 || grey.empty()) {
@@ -30,51 +29,47 @@ void CheckOptions(const Image& grey, const KeypointOptions& options) {
   }
 }
 
-bool StrongerFirst(const Keypoint& a, const Keypoint& b) {
-  return std::tuple(-a.response, a.y, a.x, a.size, a.angle) <
-         std::tuple(-b.response, b.y, b.x, b.size, b.angle);
-}
-
-bool SamePlace(const Keypoint& a, const Keypoint& b) {
-  return a.x == b.x && a.y == b.y && a.size == b.size;
-}
-
-std::vector<Keypoint> Detect(const Image& grey, const KeypointOptions& options, double contrast) {
-  constexpr int kAll = 0;
-  CheckOptions(grey, options);
-  std::vector<cv::KeyPoint> detected;
-  cv::SIFT::create(kAll, kLayersAnOctave, contrast)->detect(ViewAsMat(grey), detected);
-
-  std::vector<Keypoint> keypoints;
-  keypoints.reserve(detected.size());
-  for (const cv::KeyPoint& k : detected) {
-    if (options.inside && !Contains(*options.inside, k.pt.x, k.pt.y)) continue;
-    keypoints.push_back({k.pt.x, k.pt.y, k.size, k.angle, k.response, k.octave});
-  }
-  std::sort(keypoints.begin(), keypoints.end(), StrongerFirst);
-  if (!options.keep_repeated_orientations) {
-    // Repeats have the same response and place, so the sort put them side by side.
-    keypoints.erase(std::unique(keypoints.begin(), keypoints.end(), SamePlace), keypoints.end());
-  }
-  if (keypoints.size() > static_cast<std::size_t>(options.max_keypoints)) {
-    keypoints.resize(options.max_keypoints);
-  }
-  return keypoints;
-}
-
 }  // namespace
 
-std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options) {
-  return Detect(grey, options, kContrast);
+std::vector<Keypoint> DetectKeypoints(const Image& grey, const KeypointOptions& options,
+                                      int threads) {
+  CheckOptions(grey, options);
+  return sift::Detect(grey, options, kContrast, threads);
 }
 
-std::vector<Keypoint> DetectLowContrastKeypoints(const Image& grey,
-                                                 const KeypointOptions& options) {
-  return Detect(grey, options, kLowContrast);
+std::vector<Keypoint> DetectLowContrastKeypoints(const Image& grey, const KeypointOptions& options,
+                                                 int threads) {
+  CheckOptions(grey, options);
+  return sift::Detect(grey, options, kLowContrast, threads);
+}
+
+void KeepStrongAndSpread(std::size_t count, std::vector<Keypoint>* keypoints) {
+  constexpr float kClearly = 0.9F;
+  if (keypoints->size() <= count) return;
+  const std::vector<Keypoint>& all = *keypoints;
+  const std::size_t strongest = count / 2;
+  std::vector<std::pair<float, std::size_t>> apart;  // squared, of the others
+  for (std::size_t i = strongest; i < all.size(); ++i) {
+    float nearest = std::numeric_limits<float>::infinity();
+    for (std::size_t j = 0; j < i && kClearly * all[j].response > all[i].response; ++j) {
+      const float dx = all[j].x - all[i].x;
+      const float dy = all[j].y - all[i].y;
+      nearest = std::min(nearest, dx * dx + dy * dy);
+    }
+    apart.emplace_back(-nearest, i);
+  }
+  std::sort(apart.begin(), apart.end());
+  std::vector<std::size_t> kept(count);
+  std::iota(kept.begin(), kept.end(), 0U);
+  for (std::size_t i = strongest; i < count; ++i) kept[i] = apart[i - strongest].second;
+  std::sort(kept.begin(), kept.end());
+  std::vector<Keypoint> result;
+  for (const std::size_t i : kept) result.push_back(all[i]);
+  *keypoints = std::move(result);
 }
 
 std::vector<float> ContrastWeights(std::span<const Keypoint> keypoints) {
-  constexpr auto kFull = static_cast<float>(kContrast / kLayersAnOctave);  // as OpenCV's responses
+  constexpr auto kFull = static_cast<float>(kContrast / sift::kLayers);  // as OpenCV's responses
   std::vector<float> weights;
   weights.reserve(keypoints.size());
   for (const Keypoint& k : keypoints) {

@@ -247,4 +247,6 @@ Image ResizeImage(const Image& image, int width, int height) {
   return CopyFromMat(scaled);
 }
 
+void ResizeWithoutThreads() { cv::setNumThreads(1); }
+
 }  // namespace pliant

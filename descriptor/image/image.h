@@ -132,4 +132,7 @@ Image CutOut(const Image& image, const PixelBox& box);
 // Scales to exactly width x height: bicubic to a larger image, otherwise by averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
+// From now on ResizeImage starts no threads, for a process that must not.
+void ResizeWithoutThreads();
+
 }  // namespace pliant

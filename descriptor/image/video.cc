@@ -8,6 +8,7 @@
 #include <string_view>
 #include <system_error>
 
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
@@ -52,6 +53,7 @@ struct VideoReader::Capture {
 
 VideoReader::VideoReader(const fs::path& file)
     : name_(file.string()), capture_(std::make_unique<Capture>()) {
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors are thrown
   CheckFile(file);
   // An absolute path is a file for sure, never an address or a pattern of names.
   const std::string path = fs::absolute(file).string();

@@ -18,13 +18,15 @@ float Ratio(const NearestTwo& n) {
   return n.second > 0 ? n.distance / n.second : 1;
 }
 
-template <typename Packed, typename Rows>
-std::vector<Match> MatchAll(const Packed& query, const Rows& reference, std::size_t n,
-                            const MatchOptions& options) {
+}  // namespace
+
+std::vector<Match> MatchDescriptors(const PackedDescriptors& query, const Descriptors& reference,
+                                    const MatchOptions& options) {
   if (!(options.max_ratio > 0 && options.max_ratio <= 1)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_max_ratio",
                 "max_ratio must be above 0 and at most 1.");
   }
+  const std::size_t n = reference.rows;
   if (n == 0 || query.rows() == 0) return {};
   const std::size_t tasks = (n + kRowsATask - 1) / kRowsATask;
   std::vector<NearestTwo> nearest(n);
@@ -49,19 +51,6 @@ std::vector<Match> MatchAll(const Packed& query, const Rows& reference, std::siz
     matches.push_back(match);
   }
   return matches;
-}
-
-}  // namespace
-
-std::vector<Match> MatchDescriptors(const PackedDescriptors& query, const Descriptors& reference,
-                                    const MatchOptions& options) {
-  return MatchAll(query, reference, reference.rows, options);
-}
-
-std::vector<Match> MatchDescriptors(const SteppedDescriptors& query,
-                                    const SteppedDescriptors& reference,
-                                    const MatchOptions& options) {
-  return MatchAll(query, reference, reference.rows(), options);
 }
 
 }  // namespace pliant

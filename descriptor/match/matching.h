@@ -8,7 +8,6 @@
 
 #include "descriptor/features/features.h"
 #include "descriptor/match/distance.h"
-#include "descriptor/match/stepped.h"
 
 namespace pliant {
 
@@ -32,9 +31,6 @@ struct MatchOptions {
 // references can be matched with it. Throws kConflict "descriptor_mismatch" if kind or dim differ,
 // kInvalidArgument for options out of range. Values must be finite. Thread-safe.
 std::vector<Match> MatchDescriptors(const PackedDescriptors& query, const Descriptors& reference,
-                                    const MatchOptions& options = {});
-std::vector<Match> MatchDescriptors(const SteppedDescriptors& query,
-                                    const SteppedDescriptors& reference,
                                     const MatchOptions& options = {});
 
 }  // namespace pliant

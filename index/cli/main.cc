@@ -11,7 +11,6 @@
 #include <unistd.h>
 
 #include "descriptor/base/reuse_memory.h"
-#include "descriptor/image/prepare_decoders.h"
 #include "index/cli/command.h"
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
@@ -128,7 +127,6 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   pliant::ReuseMemory();
-  pliant::QuietDecoders();
   const auto status = static_cast<int>(pliant::cli::Run(argc, argv));
   // After a stop by a signal the exit status is that of a process that the signal ended.
   const int number = pliant::cli::Interrupt::Signal();

@@ -111,9 +111,7 @@ std::string FailureInWords(const VerificationResult& result) {
 }  // namespace
 
 Verifier::Verifier(const Features& query, const VerificationOptions& options)
-    : query_(Checked(query)),
-      query_steps_(SteppedDescriptors::Of(query.descriptors)),
-      options_(options) {
+    : query_(Checked(query)), options_(options) {
   if (!(options.tolerance > 0 && options.tolerance < 1)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_tolerance",
                 "tolerance must be above 0 and below 1.");
@@ -148,10 +146,6 @@ std::vector<Correspondence> Verifier::Correspondences(const Features& reference,
 
 std::vector<Match> Verifier::MatchesWith(const Features& reference) const {
   const MatchOptions options{.max_ratio = options_.max_ratio, .threads = options_.threads};
-  if (query_steps_) {
-    const auto steps = SteppedDescriptors::Of(reference.descriptors);
-    if (steps) return MatchDescriptors(*steps, *query_steps_, options);
-  }
   return MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors, options);
 }
 

@@ -11,7 +11,6 @@
 
 #include "descriptor/features/features.h"
 #include "descriptor/match/matching.h"
-#include "descriptor/match/stepped.h"
 #include "descriptor/warp/tps.h"
 #include "descriptor/warp/tps_ransac.h"
 #include "index/records/explanation.h"
@@ -89,7 +88,6 @@ class Verifier {
                                               const std::vector<Match>& matches) const;
 
   const Features& query_;
-  std::optional<SteppedDescriptors> query_steps_;  // in the precision of the database
   VerificationOptions options_;
 };
 

@@ -3,14 +3,12 @@
 #include <string_view>
 
 #include "descriptor/base/reuse_memory.h"
-#include "descriptor/image/prepare_decoders.h"
 #include "server/app/run_server.h"
 #include "server/auth/keys_command.h"
 #include "server/decoder/decoder_main.h"
 
 int main(int argc, char** argv) {
   pliant::ReuseMemory();
-  pliant::QuietDecoders();
   if (pliant::server::IsDecoder(argc, argv)) return pliant::server::RunDecoder(argc, argv);
   if (argc > 1 && std::string_view(argv[1]) == "keys") {
     return pliant::server::RunKeysCommand(argc - 1, argv + 1);

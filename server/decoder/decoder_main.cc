@@ -20,7 +20,6 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/image.h"
-#include "descriptor/image/prepare_decoders.h"
 #include "server/decoder/sandbox.h"
 
 namespace pliant::server {
@@ -119,7 +118,7 @@ int RunDecoder(int /*argc*/, const char* const* argv) {
   const SandboxLimits limits{.memory_bytes = std::atoll(argv[3]), .cpu_s = std::atoll(argv[4])};
   DecoderGreeting greeting;
   try {
-    PrepareDecoders();
+    ResizeWithoutThreads();
     Copy(EnterSandbox(kDecoderSocket, limits), greeting.text);
     greeting.ready = 1;
   } catch (const std::exception& error) {

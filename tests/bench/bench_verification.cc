@@ -10,7 +10,6 @@
 
 #include "descriptor/base/parallel.h"
 #include "descriptor/match/matching.h"
-#include "descriptor/match/stepped.h"
 #include "index/store/blob_codec.h"
 #include "index/verify/verification.h"
 
@@ -69,25 +68,6 @@ void MatchPair(benchmark::State& state) {
 BENCHMARK(MatchPair)
     ->ArgNames({"descriptors", "binary"})
     ->ArgsProduct({{700, 1000, 2000}, {0, 1}})
-    ->Unit(benchmark::kMillisecond);
-
-// In the precision of the database; the reference is laid out anew for every pair, as in a search.
-void MatchSteppedPair(benchmark::State& state) {
-  const auto n = static_cast<std::size_t>(state.range(0));
-  Features query = MakeImage(n, 1, nullptr, 0, false);
-  Features reference = InStoredPrecision(MakeImage(n, 2, &query, n / 5, false));
-  query = InStoredPrecision(query);
-  const auto packed = SteppedDescriptors::Of(query.descriptors);
-  for (auto _ : state) {
-    const auto steps = SteppedDescriptors::Of(reference.descriptors);
-    benchmark::DoNotOptimize(MatchDescriptors(*packed, *steps));
-  }
-}
-BENCHMARK(MatchSteppedPair)
-    ->ArgName("descriptors")
-    ->Arg(700)
-    ->Arg(1000)
-    ->Arg(2000)
     ->Unit(benchmark::kMillisecond);
 
 void VerifyPair(benchmark::State& state) {

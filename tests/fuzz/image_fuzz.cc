@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "descriptor/image/image.h"
-#include "descriptor/image/prepare_decoders.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -19,18 +18,16 @@ bool IsWhole(const pliant::Image& image) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using pliant::fuzz::Require;
-  static const bool kQuiet = (pliant::QuietDecoders(), true);
-  static_cast<void>(kQuiet);
-  pliant::DecodeOptions options{.max_side_px = size % 2 == 0 ? 0 : 48,
-                                .max_pixels = 256 * 1024,
-                                .max_decode_bytes = 4 << 20,
-                                .min_side_px = 4,
-                                .colour = size % 3 != 0,
-                                .thumbnail_side_px = size % 5 == 0 ? 0 : 16};
+  pliant::DecodeOptions options;
+  options.max_side_px = size % 2 == 0 ? 0 : 48;
+  options.max_pixels = 256 * 1024;
+  options.max_decode_bytes = 4 << 20;
+  options.min_side_px = 4;
+  options.colour = size % 3 != 0;
+  options.thumbnail_side_px = size % 5 == 0 ? 0 : 16;
   pliant::DecodedImage decoded;
-  const bool accepted =
-      pliant::fuzz::Accepts([&] { decoded = pliant::DecodeImage({data, size}, options); });
-  if (!accepted) return 0;
+  const auto decode = [&] { decoded = pliant::DecodeImage({data, size}, options); };
+  if (!pliant::fuzz::Accepts(decode)) return 0;
   const pliant::Image& image = decoded.image;
   const pliant::Image& thumbnail = decoded.thumbnail;
   Require(image.channels == (options.colour ? 3 : 1), "the channels are those asked for");

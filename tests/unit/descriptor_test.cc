@@ -249,10 +249,16 @@ TEST(FeatureExtractor, LowContrastKeypointsCountWhereSmallImagesAreEnlarged) {
   const Image grey = CopyFromMat(testing::NoiseImage(300, 200, 4));
   const FeatureExtractor plain(MakeDescriptor("orb"), {});
   EXPECT_EQ(plain.ExtractFrom(grey, 1).keypoints, DetectKeypoints(grey));
-  const FeatureExtractor low_contrast = plain.WithEnlargeBelow(1);  // which never enlarges this one
-  EXPECT_EQ(low_contrast.ExtractFrom(grey, 1).keypoints, DetectLowContrastKeypoints(grey));
-  const auto all = plain.WithEnlargeBelow(1 << 20).ExtractFrom(grey, 1).keypoints;
-  EXPECT_GT(all.size(), DetectLowContrastKeypoints(grey).size());
+  const auto enlarged_below = [&](int keypoints) {
+    ExtractionOptions options;
+    options.enlarge_below = keypoints;
+    return FeatureExtractor(MakeDescriptor("orb"), options).ExtractFrom(grey, 1).keypoints;
+  };
+  const auto low_contrast = DetectLowContrastKeypoints(grey);
+  EXPECT_EQ(enlarged_below(1), low_contrast) << "this one is not enlarged";
+  EXPECT_GT(enlarged_below(1 << 20).size(), low_contrast.size());
+  const auto few = static_cast<int>(low_contrast.size()) + 20;
+  EXPECT_EQ(enlarged_below(few).size(), low_contrast.size() + 20) << "only as many as are missing";
 }
 
 TEST(FeatureExtractor, FlatImageHasNoRows) {

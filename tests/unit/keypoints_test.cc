@@ -56,6 +56,23 @@ TEST(DetectKeypoints, FlatAndTinyImagesHaveNone) {
   EXPECT_TRUE(DetectKeypoints({1, 1, 1, {5}}).empty());
 }
 
+TEST(KeepStrongAndSpread, KeepsTheStrongestAndThoseFarFromThem) {
+  // From left to right each is clearly weaker than the one before; the last two lie apart.
+  std::vector<Keypoint> keypoints;
+  for (const float x : {0.0F, 1.0F, 2.0F, 3.0F, 4.0F, 500.0F, 900.0F}) {
+    const float response = keypoints.empty() ? 1 : 0.8F * keypoints.back().response;
+    keypoints.push_back({.x = x, .response = response});
+  }
+  const auto all = keypoints;
+  KeepStrongAndSpread(4, &keypoints);
+  EXPECT_EQ(keypoints, (std::vector<Keypoint>{all[0], all[1], all[5], all[6]}));
+  KeepStrongAndSpread(4, &keypoints);
+  EXPECT_EQ(keypoints.size(), 4U);
+  keypoints.clear();
+  KeepStrongAndSpread(4, &keypoints);
+  EXPECT_TRUE(keypoints.empty());
+}
+
 // The image with its contrast divided by `divisor`.
 Image Pale(Image image, int divisor) {
   for (std::uint8_t& value : image.pixels) {

@@ -277,8 +277,9 @@ TEST_F(RetrievalEvaluationTest, FeaturesOfAnotherModelAreNeverSearched) {
   TrainOptions train;
   train.words = 5;
   engine.TrainVocabulary(train);
-  const FeatureExtractor own =  // as queries are described
-      FeatureExtractor(MakeDescriptor("rootsift"), {}).WithEnlargeBelow(1 << 20);
+  ExtractionOptions of_queries;
+  of_queries.enlarge_below = 1 << 20;
+  const FeatureExtractor own(MakeDescriptor("rootsift"), of_queries);
   const SearchResult given = engine.SearchFeatures(own.Extract(bytes, 1), {});
   const SearchResult asked = engine.Search(bytes, {});
   ASSERT_THAT(given.hits, SizeIs(1));

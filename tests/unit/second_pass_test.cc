@@ -104,8 +104,9 @@ TEST(SecondPass, PlacesAreInPixelsOfTheOriginal) {
 
 TEST(ExtractSecondPass, AddsToWhatIsKnown) {
   const auto bytes = testing::EncodeAs(testing::NoiseImage(300, 200, 4), ".png");
-  const FeatureExtractor extractor = FeatureExtractor(MakeDescriptor("rootsift"), {})
-                                         .WithEnlargeBelow(std::numeric_limits<int>::max());
+  ExtractionOptions options;
+  options.enlarge_below = std::numeric_limits<int>::max();
+  const FeatureExtractor extractor(MakeDescriptor("rootsift"), options);
   const Features known = extractor.Extract(bytes, 1);
   ExtractionTimings timings;
   const auto second_pass = extractor.ExtractSecondPass(bytes, known, {}, 1, &timings);
@@ -133,8 +134,8 @@ TEST(ExtractSecondPass, LargeImagesAreLookedAtInMoreOfTheirPixels) {
   const auto bytes = testing::EncodeAs(testing::NoiseImage(1600, 1200, 5), ".png");
   ExtractionOptions options;
   options.keypoints.max_keypoints = 200;
-  const FeatureExtractor extractor = FeatureExtractor(MakeDescriptor("orb"), options)
-                                         .WithEnlargeBelow(std::numeric_limits<int>::max());
+  options.enlarge_below = std::numeric_limits<int>::max();
+  const FeatureExtractor extractor(MakeDescriptor("orb"), options);
   const Features known = extractor.Extract(bytes, 1);
   const auto second_pass = extractor.ExtractSecondPass(bytes, known, {}, 1);
   ASSERT_TRUE(second_pass);
