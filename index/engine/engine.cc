@@ -113,10 +113,12 @@ const EngineCore::Extractors& EngineCore::extractors() {
     CheckModel(descriptor->info());
     ExtractionOptions extraction = options_.extraction;  // others read that
     StoreLimits(extraction);
-    int& keypoints = extraction.keypoints.max_keypoints;
-    extraction.enlarge_below = options_.enlarge ? keypoints : 0;
+    const int kept = extraction.keypoints.max_keypoints;
+    extraction.keypoints.max_keypoints = std::min(kQueryKeypoints * kept, kMaxKeypoints);
+    extraction.keep = kept;
+    extraction.enlarge_below = options_.enlarge ? kept : 0;
     FeatureExtractor indexed(descriptor, extraction);
-    keypoints = std::min(kQueryKeypoints * keypoints, kMaxKeypoints);
+    extraction.keep = 0;
     extraction.enlarge_below = options_.enlarge ? std::numeric_limits<int>::max() : 0;
     extractors_ = std::make_unique<const Extractors>(
         Extractors{std::move(indexed), {std::move(descriptor), extraction}});

@@ -27,8 +27,8 @@
 
 namespace pliant {
 
-// How images are indexed unless something else is asked for: with 512 keypoints. More find photos of
-// packages and shirts no better (evaluation/README.md), and cost memory and time.
+// How images are indexed unless something else is asked for: with 512 keypoints. More find photos
+// of packages and shirts no better (evaluation/README.md), and cost memory and time.
 inline ExtractionOptions IndexExtraction() {
   ExtractionOptions extraction;
   extraction.keypoints.max_keypoints = 512;

@@ -23,7 +23,9 @@ class EngineDepthTest : public EngineTest {
   // A query that shows eighteen points of one image, and four of each of the others, anywhere:
   // more of a small image than eighteen are of a large one, but they agree on no place.
   void SetUp() override {
-    engine_.emplace(Options());
+    EngineOptions options = Options();
+    options.max_keypoints = 1024;
+    engine_.emplace(options);
     Add(*engine_, EncodePng(RandomImage(999, 400, 300)), "truth", "truth");
     for (int i = 0; i < kDecoys; ++i) {
       const std::string name = "decoy-" + std::to_string(i);

@@ -125,8 +125,14 @@ TEST_F(EngineTest, SearchMakesItsSecondPassOfTheImageItself) {
   EXPECT_FALSE(engine.Search(RandomPng(99), without).second_pass);
 }
 
+// Of an image with all its keypoints: otherwise a query has more than what is kept.
+EngineOptions WithAllKeypoints(EngineOptions options) {
+  options.max_keypoints = kMaxKeypoints;
+  return options;
+}
+
 TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {
-  Engine engine(Options());
+  Engine engine(WithAllKeypoints(Options()));
   AddMany(engine, 6);
   Train(engine);
   for (const RankMethod method : {RankMethod::kNeighbours, RankMethod::kHistogram}) {
@@ -143,7 +149,7 @@ TEST_F(EngineTest, ItselfScoresOneAndComesByIdToo) {
 }
 
 TEST_F(EngineTest, PagesObjectsScoresAndRegions) {
-  Engine engine(Options());
+  Engine engine(WithAllKeypoints(Options()));
   AddMany(engine, 8);
   Add(engine, RandomPng(50), "", "nameless-1");
   Add(engine, RandomPng(51), "", "nameless-2");
@@ -186,6 +192,17 @@ TEST_F(EngineTest, PagesObjectsScoresAndRegions) {
   for (const Keypoint& k : engine.GetFeatures("default", "p3").keypoints)
     inside += k.x < 80 ? 1 : 0;
   EXPECT_EQ(half.keypoints, inside);
+}
+
+TEST_F(EngineTest, AQueryHasTwiceTheKeypointsThatAreKept) {
+  EngineOptions options = Options();
+  options.max_keypoints = 30;
+  options.enlarge = false;
+  Engine engine(options);
+  AddMany(engine, 4);
+  Train(engine);
+  EXPECT_EQ(engine.GetFeatures("default", "p3").keypoints.size(), 30U);
+  EXPECT_EQ(engine.Search(RandomPng(3), ByImage()).keypoints, 60U);
 }
 
 TEST_F(EngineTest, BadSearchesSayWhatIsWrong) {
