@@ -162,16 +162,16 @@ def _add_pair(draft: _Draft, data: SceneSet, which: int, options: BatchOptions, 
         draft.images.append(scene.images[number])
         table = _jittered(tables[side][kept], options.size_jitter, rng)
         draft.sides[side].append(table)
+        if data.targets:
+            targets, own = data.targets[which][number], rows[kept, side]
+            draft.targets[side].append((targets.theta[own], targets.descriptors[own]))
         if options.crop_px:
             draft.windows.append(corners[side])
             draft.warps[side].append(_supervision(scene, number, view, rows[kept, side], table, radius))
             more, extra = _extra(scene, number, view, corners[side], options, radius, rng)
             draft.extra.append(extra)
             if data.targets:
-                targets = data.targets[which][number]
-                own = rows[kept, side]
-                draft.targets[side].append((targets.theta[own], targets.descriptors[own]))
-                draft.extra_targets.append(targets.theta[more])
+                draft.extra_targets.append(data.targets[which][number].theta[more])
     charts = views[0].points.chart[rows[kept, 0]].astype(np.int64)
     draft.surfaces.append(which * NO_CHART + charts)
     draft.textures.append(data.texture_ids[which][charts])
@@ -235,7 +235,7 @@ def _assemble(draft: _Draft, options: BatchOptions, radius: float, rng: np.rando
         batch.warp = np.concatenate([warp for warp, _ in supervised])
         batch.warp_known = np.concatenate([known for _, known in supervised])
         assert batch.warp.shape[1] == len(SUPERVISED_POINTS)
-    if draft.extra_targets:
+    if draft.targets[0]:
         pairs = [*draft.targets[0], *draft.targets[1]]
         batch.theta = np.concatenate([*(theta for theta, _ in pairs), *draft.extra_targets]).astype(np.float32)
         batch.descriptors = np.concatenate([rows for _, rows in pairs]).astype(np.float32)

@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from . import losses
 from .batches import Batch
+from .fast_linear import linear
 from .model import Deal
 from .presets import Preset, Stage
 from .warp_target import SUPERVISED_POINTS
@@ -52,7 +53,7 @@ class TrainingStep:
         self.model, self.stage, self.preset, self.device = model, stage, preset, device
         self.points = torch.from_numpy(SUPERVISED_POINTS).to(device)
         self.teacher, self.components = teacher, components
-        if teacher is not None:
+        if teacher is not None and stage.trains_warp:
             weight = teacher.localization.fc1.weight.detach().unflatten(1, (25, -1)).flatten(0, 1)
             self.importance = weight.t() @ weight  # [C, C] of the features, to the first layer
 
@@ -69,10 +70,11 @@ class TrainingStep:
         maps [I, C, h, w] do not explain (Romero et al., FitNets, ICLR 2015)."""
         with torch.no_grad():
             truth = self.teacher.backbone(windows).flatten(2).transpose(1, 2).flatten(0, 1)
-        found = self.model.localization.adapter(maps[:_HINTS].float().flatten(2).transpose(1, 2).flatten(0, 1))
+        adapter = self.model.localization.adapter
+        found = linear(maps[:_HINTS].float().flatten(2).transpose(1, 2).flatten(0, 1), adapter.weight, adapter.bias)
 
         def energy(x: torch.Tensor) -> torch.Tensor:
-            return ((x @ self.importance) * x).sum(1).mean()
+            return (linear(x, self.importance) * x).sum(1).mean()
 
         return energy(found - truth) / energy(truth - truth.mean(0))
 
@@ -111,20 +113,23 @@ class TrainingStep:
         images = clean.clamp(1e-3).pow_(self._move(batch.gamma)[:, None, None])
         keypoints, index = self._move(batch.keypoints), self._move(batch.index)
         loss, theta = torch.zeros((), device=self.device), None
-        if stage.uses_warp:
+        taught = self._move(batch.theta) if stage.distill else None
+        if stage.trains_warp or (stage.uses_warp and taught is None):
             theta, maps = self._warp(batch, images, keypoints, index)
+        else:
+            theta = taught
         if stage.trains_warp:
             predicted = self.model.displacement(theta, self.points)
             truth, known = self._move(batch.warp), self._move(batch.warp_known)
             if stage.distill:
-                truth = self.model.displacement(self._move(batch.theta), self.points)
+                truth = self.model.displacement(taught, self.points)
                 known = torch.ones_like(known)
             supervised = losses.warp_loss(predicted, truth, known)
             start, end = stage.warp_weight
             loss = loss + (start + (end - start) * progress) * supervised
             figures["warp_loss"] = supervised.detach()
             figures["warp_error"], figures["warp_truth"] = losses.warp_r2_terms(predicted, truth, known)
-        if self.teacher is not None:
+        if self.teacher is not None and stage.trains_warp:
             hint = self._hint(maps, self._windows(batch, clean)[:_HINTS])
             loss = loss + hint
             figures["hint"] = hint.detach()

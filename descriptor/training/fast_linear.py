@@ -37,8 +37,9 @@ def needs_onednn(x: torch.Tensor) -> bool:
             and not torch.backends.mkl.is_available())
 
 
-def linear(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
+def linear(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None = None) -> torch.Tensor:
     """x [N, K] -> [N, M]; the same as F.linear."""
     if len(x) and needs_onednn(x):
-        return _OneDnnLinear.apply(x, weight) + bias
+        product = _OneDnnLinear.apply(x, weight)
+        return product if bias is None else product + bias
     return F.linear(x, weight, bias)

@@ -14,7 +14,7 @@
 # to SCENES during training, FIRST at a time: training looks for new ones after one and two thirds of a
 # stage's time. INIT: weights that the first of the stages starts from; the last stage's rates then
 # fall to nothing at the end of this slice.
-# TEACHER: the weights that STAGES=distill learns from.
+# TEACHER: the weights that STAGES="distill-warp distill-head" learns from.
 # EIGEN, NLOHMANN: the folders that hold Eigen/Core and nlohmann/json.hpp, where the machine has none.
 # PACK: training textures as the simulator reads them. STATE: $OUT of the slice before, if the machine
 # is a new one. Run it from the repository's root. A rehearsal: PRESET=tiny SCENES=6 SECONDS_LEFT=60.
@@ -115,14 +115,14 @@ for stage in $STAGES; do
       warp=(--init-warp "$WORK/runs/warp/last.safetensors")
     clock=()
     [ "$stage" != "$last_stage" ] || clock=("${until[@]}")
-    [ "$stage" != distill ] || clock+=(--teacher "$TEACHER" --shape deal-small)
+    [[ $stage != distill-* ]] || clock+=(--teacher "$TEACHER" --shape deal-small)
     for part in ${beside:+3 2} 1; do
       train "$stage" "$((($(left) - 5) / part))" "${init[@]}" "${warp[@]}" "${clock[@]}"
       if tail -n 1 "$run/console.log" | grep -q '^finished'; then touch "$run/finished"; break; fi
     done
   fi
   [ -e "$run/finished" ] || break
-  if [ "$stage" = hardnet ]; then init=(--init "$run/last.safetensors"); fi
+  if [[ $stage = @(hardnet|distill-warp) ]]; then init=(--init "$run/last.safetensors"); fi
 done
 [ -z "$beside" ] || pkill -P "$beside" || true
 pack

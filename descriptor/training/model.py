@@ -129,7 +129,8 @@ class LocalizationNet(nn.Module):
         if self.adapter is None:
             return self.fc1.weight, self.fc1.bias
         weight = self.fc1.weight.unflatten(1, (25, -1))
-        return (weight @ self.adapter.weight).flatten(1), self.fc1.bias + (weight @ self.adapter.bias).sum(1)
+        adapted = linear(weight.flatten(0, 1), self.adapter.weight.t()).view(len(weight), -1)
+        return adapted, self.fc1.bias + (weight @ self.adapter.bias).sum(1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         for weight, bias in (self.first(), *((layer.weight, layer.bias) for layer in (self.fc2, self.fc3))):

@@ -26,8 +26,8 @@ class Stage:
     triplet: bool = False              # hardest-in-batch triplet instead of InfoNCE
     temperature: float = 0.07
     warp_weight: tuple[float, float] = (0.0, 0.0)  # supervised warp: at the start, at the end
-    keep_warp: bool = False            # the model's warp is applied though nothing of it is trained
-    distill: bool = False              # descriptors and warps are a teacher's (teacher.py)
+    keep_warp: bool = False            # a warp is applied (the model's; with distill, the teacher's) though nothing of it is trained
+    distill: bool = False              # towards a teacher's warps or descriptors (teacher.py)
     batch: BatchOptions = field(default_factory=BatchOptions)
 
     @property
@@ -74,12 +74,16 @@ def _stages(steps: tuple[int, int, int], correspondences: int, crop_px: int, rat
     )
 
 
-def _distill(steps: int, correspondences: int, crop_px: int) -> Stage:
-    """A smaller network from a teacher's warps and descriptors, which hold for one support radius."""
-    batch = BatchOptions(correspondences=correspondences, per_pair=64, crop_px=crop_px, extra_keypoints=32,
-                         radius_per_size=(8.4, 9.6), size_jitter=0.1)
-    return Stage("distill", steps, 2e-3, 1e-3, train_backbone="all", train_localization=True, distill=True,
-                 warp_weight=(10.0, 5.0), batch=batch)
+def _distill(steps: tuple[int, int], correspondences: int, crop_px: int) -> tuple[Stage, ...]:
+    """A smaller network from a teacher's warps and descriptors, which hold for one support radius: its warp, then its
+    HardNet, on patches that the teacher's warp has sampled."""
+    plain = BatchOptions(correspondences=correspondences, per_pair=64, radius_per_size=(8.4, 9.6), size_jitter=0.1)
+    cropped = dataclasses.replace(plain, correspondences=max(correspondences // 2, 8), crop_px=crop_px, extra_keypoints=64)
+    return (
+        Stage("distill-warp", steps[0], 0.0, 1e-3, train_hardnet=False, train_backbone="all", train_localization=True,
+              distill=True, warp_weight=(10.0, 10.0), batch=cropped),
+        Stage("distill-head", steps[1], 2e-3, keep_warp=True, distill=True, batch=plain),
+    )
 
 
 def _paper() -> Preset:
@@ -93,7 +97,7 @@ def _gpu() -> Preset:
     # The last stage is that of the weights trained so far (cpu), with the paper's batch and the whole backbone.
     hardnet, warp, joint = _stages((12000, 8000, 20000), 1024, 320, (1.5e-3, 5e-4), triplet=False)
     joint = dataclasses.replace(joint, learning_rate=1e-3, warp_learning_rate=4e-4, batch=_disagreeing(joint.batch))
-    return Preset((hardnet, warp, joint, _distill(30000, 1024, 320)), dropout=0.0, bfloat16=True, workers=10, checkpoint_seconds=60,
+    return Preset((hardnet, warp, joint, *_distill((12000, 30000), 1024, 320)), dropout=0.0, bfloat16=True, workers=10, checkpoint_seconds=60,
                   validation_seconds=240, validation_pairs=48, validation_keypoints=1024)
 
 
@@ -109,12 +113,12 @@ def _cpu() -> Preset:
     hardnet, warp, joint = _stages((4000, 3000, 1500), 256, 240, (1.5e-3, 1e-3), joint_backbone="late",
                                    triplet=False)
     joint = dataclasses.replace(joint, learning_rate=8e-4, warp_learning_rate=3e-4, batch=_disagreeing(joint.batch))
-    return Preset((hardnet, warp, joint, _distill(6000, 384, 240)), dropout=0.0, validation_seconds=1500, validation_pairs=12,
+    return Preset((hardnet, warp, joint, *_distill((4000, 20000), 512, 240)), dropout=0.0, validation_seconds=1500, validation_pairs=12,
                   validation_keypoints=300)
 
 
 def _tiny() -> Preset:
-    return Preset((*_stages((6, 3, 3), 24, 96, (1e-3, 1e-3)), _distill(3, 24, 96)), dropout=0.1, checkpoint_seconds=1e9,
+    return Preset((*_stages((6, 3, 3), 24, 96, (1e-3, 1e-3)), *_distill((3, 3), 24, 96)), dropout=0.1, checkpoint_seconds=1e9,
                   validation_seconds=1e9, validation_pairs=2, validation_keypoints=64)
 
 

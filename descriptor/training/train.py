@@ -62,9 +62,9 @@ def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--preset", choices=sorted(PRESETS), default="paper")
-    parser.add_argument("--stage", required=True, help="hardnet, warp, joint or distill")
+    parser.add_argument("--stage", required=True, help="hardnet, warp, joint, distill-warp or distill-head")
     parser.add_argument("--shape", choices=list(SHAPES), default="deal", help="of the network, without --init")
-    parser.add_argument("--teacher", type=Path, help="weights that stage distill learns from")
+    parser.add_argument("--teacher", type=Path, help="weights that the stages distill-... learn from")
     parser.add_argument("--scenes", type=Path, nargs="+", required=True, help="folders of scene_*.safetensors")
     parser.add_argument("--dev", type=Path, help="folder of development scenes for validation")
     parser.add_argument("--run", type=Path, required=True, help="run folder of this stage")
@@ -88,7 +88,7 @@ def main() -> None:
     if arguments.steps is not None:
         stage = dataclasses.replace(stage, steps=arguments.steps)
     if stage.distill != (arguments.teacher is not None):
-        sys.exit("stage distill needs --teacher, and no other stage takes it")
+        sys.exit("the stages distill-warp and distill-head need --teacher, and no other stage takes it")
     teacher = None if arguments.teacher is None else Teacher(arguments.teacher, device)
     spacing = arguments.spacing
     if spacing is None and teacher is not None and arguments.init is None:
@@ -96,7 +96,7 @@ def main() -> None:
     model = resumed_model(arguments.run)
     if model is None:
         model = starting_model(arguments.init, arguments.init_warp, arguments.seed, spacing, arguments.shape)
-        if teacher is not None:
+        if teacher is not None and stage.trains_warp:
             model.localization = teacher.model.localization.adapted(model.localization.fc1.in_features // 25)
     data = SceneSet(arguments.scenes, teacher=teacher)
     print(f"{data.describe()}; {device}, {arguments.threads} threads", flush=True)

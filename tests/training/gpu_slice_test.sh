@@ -35,7 +35,7 @@ mkdir -p "$work/second" && cp -r "$work/first/simulate" "$work/first/scenes" "$w
 slice second STATE="$work/first-out"
 cmp "$work/first-out/last.safetensors" "$work/second-out/last.safetensors" || fail "finished stages should not be trained again"
 mkdir -p "$work/small" && cp -r "$work/first/simulate" "$work/first/scenes" "$work/small/"
-slice small STAGES=distill TEACHER=descriptor/model/deal.safetensors
+slice small STAGES="distill-warp distill-head" TEACHER=descriptor/model/deal.safetensors
 [ "$(stat -c %s "$work/small-out/last.safetensors")" -lt 6000000 ] || fail "a distilled network should be a small one"
 printf x >> "$work/first-out/state.000"
 if env PACK="$work/pack.safetensors" WORK="$work/third" OUT="$work/third-out" STATE="$work/first-out" \

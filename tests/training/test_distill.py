@@ -85,9 +85,11 @@ class DistillationTest(unittest.TestCase):
             cached.targets(Scene(scene.path))
 
     def test_a_batch_has_the_targets_of_its_keypoints(self):
-        options = dataclasses.replace(preset("tiny").stage("distill").batch, size_jitter=0.0)
+        options = dataclasses.replace(preset("tiny").stage("distill-warp").batch, size_jitter=0.0)
         batch = draw_batch(self.data, options, seed=1, step=0)
         self.assertEqual(len(batch.theta), len(batch.keypoints) + len(batch.extra_keypoints))
+        without_windows = draw_batch(self.data, dataclasses.replace(options, crop_px=0), seed=1, step=0)
+        self.assertEqual(len(without_windows.theta), len(without_windows.keypoints))
         self.assertEqual(len(batch.descriptors), len(batch.keypoints))
         known = {}
         for which, scene in enumerate(self.data.scenes):
@@ -100,20 +102,19 @@ class DistillationTest(unittest.TestCase):
 
     def test_a_smaller_network_comes_nearer_to_its_teacher(self):
         recipe = preset("tiny")
-        stage = dataclasses.replace(recipe.stage("distill"), steps=40)
         network = starting_model(None, None, 3, self.teacher.model.spacing, "deal-small")
         network.localization = self.teacher.model.localization.adapted(32)
-        run = trainer.Run(self.root / "run", stage, recipe, seed=3)
-        self.assertTrue(trainer.Trainer(run, network, self.data, list, self.device, self.teacher.model).train())
-        rows = read_csv(self.root / "run/log.csv")
-        for figure in ("distillation", "hint"):
+        for name, figure in (("distill-head", "distillation"), ("distill-warp", "hint")):
+            run = trainer.Run(self.root / name, dataclasses.replace(recipe.stage(name), steps=40), recipe, seed=3)
+            self.assertTrue(trainer.Trainer(run, network, self.data, list, self.device, self.teacher.model).train())
+            rows = read_csv(self.root / name / "log.csv")
             self.assertLess(float(rows[-1][figure]), 0.9 * float(rows[0][figure]))
-        small, _ = load_model(self.root / "run/last.safetensors")
+        small, _ = load_model(self.root / "distill-warp/last.safetensors")
         self.assertEqual(Shape.of(small.state_dict()), SHAPES["deal-small"])
         features = torch.rand(5, 25 * 32)
         with torch.no_grad():
             torch.testing.assert_close(small.localization(features), network.eval().localization(features), atol=1e-4, rtol=0)
-        again = resumed_model(self.root / "run")
+        again = resumed_model(self.root / "distill-warp")
         self.assertEqual(again.localization.state_dict().keys(), network.localization.state_dict().keys())
 
 
