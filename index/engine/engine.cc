@@ -8,6 +8,7 @@
 #include "descriptor/base/error.h"
 #include "index/engine/engine_core.h"
 #include "index/store/blob_codec.h"
+#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "index/store/refusals.h"
 
@@ -47,9 +48,21 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
     CheckModel(options_.custom_descriptor->info());
   }
   if (options_.load_descriptor) extractor();
-  ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(), options_.loading);
+  MemoryRankerOptions ranking;
+  ranking.loading = options_.loading;
+  ranking.warn = options_.warn;
+  ranking.save_from = options_.save_index_from;
+  if (!IsDatabaseUrl(options_.database.string())) {
+    std::filesystem::path folder = std::filesystem::weakly_canonical(options_.database);
+    folder += ".index";
+    ranking.files = std::make_shared<IndexFiles>(std::move(folder), options_.reserve_bytes);
+  }
+  ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(), std::move(ranking));
   if (options_.load_index) ranker_->Load();
-  if (!options_.read_only) store_->BeginWriting([this] { Follow(); });
+  if (!options_.read_only) {
+    store_->BeginWriting([this] { Follow(); });
+    ranker_->BeginSaving();
+  }
   follower_ = store_->FollowOthers([this] {
     try {
       Follow();
@@ -58,6 +71,8 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
     }
   });
 }
+
+EngineCore::~EngineCore() { ranker_->Save(); }
 
 void EngineCore::Follow() {
   try {

@@ -18,6 +18,9 @@ namespace pliant {
 class EngineCore {
  public:
   explicit EngineCore(EngineOptions options);
+  ~EngineCore();
+  EngineCore(const EngineCore&) = delete;
+  EngineCore& operator=(const EngineCore&) = delete;
 
   Catalogue& catalogue() { return store_->catalogue(); }
   Writer& writer() { return store_->writer(); }

@@ -8,15 +8,78 @@
 
 namespace pliant {
 
+// Takes the words in ascending order, each once.
+class CodeLists::Builder {
+ public:
+  struct Entry {
+    std::uint32_t image = 0;
+    std::int16_t bias = 0;
+    std::size_t code = 0;  // position in the bytes that go with the entries
+  };
+
+  Builder(std::size_t code_bytes, bool binary, std::size_t vocabulary_size)
+      : bytes_(code_bytes), binary_(binary) {
+    offsets_.reserve(vocabulary_size + 1);
+  }
+
+  void Reserve(std::size_t codes) {
+    codes_.reserve(codes * bytes_ + kCodePadding);
+    images_.reserve(codes);
+    if (!binary_) biases_.reserve(codes);
+  }
+
+  // Entries ascending by image.
+  void AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes) {
+    if (images_.size() + entries.size() > std::numeric_limits<std::uint32_t>::max()) {
+      throw Error(ErrorCode::kInternal, "segment_too_large",
+                  "an index segment got too many descriptors");
+    }
+    std::vector<std::uint8_t> rows;
+    rows.reserve(entries.size() * bytes_);
+    for (const Entry& entry : entries) {
+      images_.push_back(static_cast<ImageNumber>(entry.image));
+      if (!binary_) biases_.push_back(entry.bias);
+      rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry.code),
+                  codes.begin() + static_cast<std::ptrdiff_t>(entry.code + bytes_));
+    }
+    offsets_.push_back(static_cast<std::uint32_t>(images_.size()));
+    AppendCodes(rows.data(), entries.size(), bytes_, &codes_);
+  }
+
+  CodeLists Finish() && {
+    codes_.resize(codes_.size() + kCodePadding);
+    CodeLists lists;
+    lists.bytes_ = bytes_;
+    lists.binary_ = binary_;
+    lists.offsets_ = Shrunk(std::move(offsets_));
+    lists.images_ = Shrunk(std::move(images_));
+    lists.biases_ = Shrunk(std::move(biases_));
+    lists.codes_ = Shrunk(std::move(codes_));
+    return lists;
+  }
+
+ private:
+  template <typename T>
+  static Array<T> Shrunk(std::vector<T> values) {
+    values.shrink_to_fit();
+    return Array<T>(std::move(values));
+  }
+
+  const std::size_t bytes_;
+  const bool binary_;
+  std::vector<std::uint32_t> offsets_{0};
+  std::vector<ImageNumber> images_;
+  std::vector<std::int16_t> biases_;
+  std::vector<std::uint8_t> codes_;
+};
+
 CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t vocabulary_size,
                            const ResidualCoder& coder) {
-  CodeLists lists;
-  lists.bytes_ = coder.code_bytes();
-  lists.binary_ = coder.binary();
+  const std::size_t bytes = coder.code_bytes();
   std::vector<std::size_t> starts(vocabulary_size + 1, 0);
   std::vector<std::uint8_t> codes;
   for (const IndexedImage& image : images) {
-    if (image.bow.codes.size() != image.bow.total * lists.bytes_) {
+    if (image.bow.codes.size() != image.bow.total * bytes) {
       throw Error(ErrorCode::kCorrupt, "codes_missing",
                   "image \"" + image.id +
                       "\" has more or fewer codes than its vocabulary needs; train a new one");
@@ -25,37 +88,35 @@ CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t voc
     codes.insert(codes.end(), image.bow.codes.begin(), image.bow.codes.end());
   }
   for (std::size_t w = 0; w < vocabulary_size; ++w) starts[w + 1] += starts[w];
-  std::vector<Entry> entries(starts.back());
+  std::vector<Builder::Entry> entries(starts.back());
   std::vector<std::size_t> next(starts.begin(), starts.end() - 1);
   std::size_t at = 0;
   for (std::uint32_t p = 0; p < images.size(); ++p) {
     for (const WordCount& entry : images[p].bow.words) {
-      for (std::uint32_t i = 0; i < entry.count; ++i, at += lists.bytes_) {
+      for (std::uint32_t i = 0; i < entry.count; ++i, at += bytes) {
         entries[next[entry.word]++] = {p, coder.Bias(entry.word, codes.data() + at), at};
       }
     }
   }
-  lists.codes_.reserve(codes.size() + kCodePadding);
-  lists.images_.reserve(entries.size());
-  if (!lists.binary_) lists.biases_.reserve(entries.size());
-  lists.offsets_.reserve(vocabulary_size + 1);
+  Builder lists(bytes, coder.binary(), vocabulary_size);
+  lists.Reserve(entries.size());
   for (std::size_t w = 0; w < vocabulary_size; ++w) {
     lists.AddWord(std::span(entries).subspan(starts[w], starts[w + 1] - starts[w]), codes);
   }
-  lists.Finish();
-  return lists;
+  return std::move(lists).Finish();
 }
 
 CodeLists CodeLists::Merge(std::span<const Source> sources) {
-  CodeLists merged;
   std::size_t words = 0;
+  std::size_t bytes = 0;
+  bool binary = false;
   for (const Source& source : sources) {
-    merged.bytes_ = source.lists->bytes_;
-    merged.binary_ = source.lists->binary_;
+    bytes = source.lists->bytes_;
+    binary = source.lists->binary_;
     words = std::max(words, source.lists->vocabulary_size());
   }
-  merged.offsets_.reserve(words + 1);
-  std::vector<Entry> entries;
+  Builder merged(bytes, binary, words);
+  std::vector<Builder::Entry> entries;
   std::vector<std::uint8_t> codes;
   for (std::uint32_t w = 0; w < words; ++w) {
     entries.clear();
@@ -76,36 +137,10 @@ CodeLists CodeLists::Merge(std::span<const Source> sources) {
         }
       });
     }
-    std::stable_sort(entries.begin(), entries.end(),
-                     [](const Entry& a, const Entry& b) { return a.image < b.image; });
+    std::ranges::stable_sort(entries, {}, &Builder::Entry::image);
     merged.AddWord(entries, codes);
   }
-  merged.Finish();
-  return merged;
-}
-
-void CodeLists::AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes) {
-  if (images_.size() + entries.size() > std::numeric_limits<std::uint32_t>::max()) {
-    throw Error(ErrorCode::kInternal, "segment_too_large",
-                "an index segment got too many descriptors");
-  }
-  std::vector<std::uint8_t> rows;
-  rows.reserve(entries.size() * bytes_);
-  for (const Entry& entry : entries) {
-    images_.push_back(static_cast<ImageNumber>(entry.image));
-    if (!binary_) biases_.push_back(entry.bias);
-    rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry.code),
-                codes.begin() + static_cast<std::ptrdiff_t>(entry.code + bytes_));
-  }
-  offsets_.push_back(static_cast<std::uint32_t>(images_.size()));
-  AppendCodes(rows.data(), entries.size(), bytes_, &codes_);
-}
-
-void CodeLists::Finish() {
-  codes_.resize(codes_.size() + kCodePadding);
-  codes_.shrink_to_fit();
-  images_.shrink_to_fit();
-  biases_.shrink_to_fit();
+  return std::move(merged).Finish();
 }
 
 CodeList CodeLists::List(std::uint32_t word) const {
@@ -133,9 +168,8 @@ Bow CodeLists::BowOf(std::size_t image) const {
 }
 
 std::size_t CodeLists::memory_bytes() const {
-  return sizeof(*this) + offsets_.capacity() * sizeof(offsets_[0]) +
-         images_.capacity() * sizeof(images_[0]) + biases_.capacity() * sizeof(biases_[0]) +
-         codes_.capacity();
+  return sizeof(*this) + offsets_.memory_bytes() + images_.memory_bytes() + biases_.memory_bytes() +
+         codes_.memory_bytes();
 }
 
 }  // namespace pliant

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "index/rank/array.h"
 #include "index/records/image_ref.h"
 #include "vocab/code_scan.h"
 #include "vocab/residual_codes.h"
@@ -40,7 +41,7 @@ class CodeLists {
   std::size_t First(std::uint32_t word) const { return offsets_[word]; }
   // Of the list's codes; ascending.
   std::span<const ImageNumber> Images(std::uint32_t word) const {
-    return std::span(images_).subspan(offsets_[word], offsets_[word + 1] - offsets_[word]);
+    return images_.span().subspan(offsets_[word], offsets_[word + 1] - offsets_[word]);
   }
   // Calls `visit` for each image with the word, ascending, and its number of occurrences.
   template <typename Visit>  // void(std::size_t image, std::size_t count)
@@ -58,21 +59,15 @@ class CodeLists {
   std::size_t memory_bytes() const;
 
  private:
-  struct Entry {
-    std::uint32_t image = 0;
-    std::int16_t bias = 0;
-    std::size_t code = 0;  // position in the bytes that go with the entries
-  };
-  // Words must come in ascending order, each once; entries ascending by image.
-  void AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes);
-  void Finish();  // after all words
+  friend class SegmentFile;
+  class Builder;
 
-  std::size_t bytes_ = 0;                  // per code
-  std::vector<std::uint32_t> offsets_{0};  // codes of word w: [offsets_[w], offsets_[w + 1])
-  std::vector<ImageNumber> images_;        // of each code
-  std::vector<std::int16_t> biases_;       // empty for binary descriptors
-  std::vector<std::uint8_t> codes_;        // in the layout of CodeList, and kCodePadding bytes
+  std::size_t bytes_ = 0;  // per code
   bool binary_ = false;
+  Array<std::uint32_t> offsets_;  // codes of word w: [offsets_[w], offsets_[w + 1])
+  Array<ImageNumber> images_;     // of each code
+  Array<std::int16_t> biases_;    // empty for binary descriptors
+  Array<std::uint8_t> codes_;     // in the layout of CodeList, and kCodePadding bytes
 };
 
 }  // namespace pliant

@@ -20,14 +20,6 @@ std::size_t Tier(std::size_t images) {
   return tier;
 }
 
-Part MergedPart(std::span<const Part> parts) {
-  std::vector<IndexSegment::Source> sources;
-  for (const Part& part : parts) sources.push_back({part.segment.get(), part.dead.get()});
-  Part merged;
-  merged.segment = IndexSegment::Merge(sources);
-  return merged;
-}
-
 bool IsWasteful(const Part& part) { return part.dead_count * 4 > part.segment->size(); }
 
 void Remove(IndexSnapshot* next, std::int64_t key) {
@@ -47,7 +39,7 @@ void Remove(IndexSnapshot* next, std::int64_t key) {
 void MergeParts(IndexSnapshot* next) {
   std::erase_if(next->parts, [](const Part& part) { return part.alive() == 0; });
   for (Part& part : next->parts) {
-    if (IsWasteful(part)) part = MergedPart({&part, 1});
+    if (IsWasteful(part)) part = Part::Merged({&part, 1});
   }
   for (std::size_t tier = 0; tier < kTiers; ++tier) {
     std::vector<Part> group;
@@ -64,11 +56,34 @@ void MergeParts(IndexSnapshot* next) {
     std::erase_if(next->parts, [&](const Part& part) {
       return std::ranges::find(group, part.segment, &Part::segment) != group.end();
     });
-    next->parts.push_back(MergedPart(group));
+    next->parts.push_back(Part::Merged(group));
   }
 }
 
 }  // namespace
+
+class IndexSegment::Builder {
+ public:
+  explicit Builder(std::size_t images) { images_.reserve(images); }
+
+  std::size_t size() const { return images_.size(); }
+  void Add(Image image, std::string_view id) {
+    ids_.insert(ids_.end(), id.begin(), id.end());
+    image.id_end = static_cast<std::uint32_t>(ids_.size());
+    images_.push_back(image);
+  }
+  std::shared_ptr<const IndexSegment> Finish(CodeLists codes) && {
+    auto segment = std::make_shared<IndexSegment>();
+    segment->images_ = Array(std::move(images_));
+    segment->ids_ = Array(std::move(ids_));
+    segment->codes_ = std::move(codes);
+    return segment;
+  }
+
+ private:
+  std::vector<Image> images_;
+  std::vector<char> ids_;
+};
 
 std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedImage> images,
                                                         std::size_t vocabulary_size,
@@ -76,8 +91,7 @@ std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedI
   if (images.size() > kMaxImages) {
     throw Error(ErrorCode::kInternal, "segment_too_large", "an index segment got too many images");
   }
-  auto segment = std::make_shared<IndexSegment>();
-  segment->images_.reserve(images.size());
+  Builder segment(images.size());
   for (const IndexedImage& image : images) {
     const Bow& bow = image.bow;
     if (!bow.words.empty() && bow.words.back().word >= vocabulary_size) {
@@ -87,10 +101,9 @@ std::shared_ptr<const IndexSegment> IndexSegment::Build(std::span<const IndexedI
     for (const WordCount& entry : bow.words) {
       squares += static_cast<double>(entry.count) * entry.count;
     }
-    segment->Add({image.key, image.object, squares, bow.total}, image.id);
+    segment.Add({image.key, image.object, squares, bow.total}, image.id);
   }
-  segment->codes_ = CodeLists::Build(images, vocabulary_size, coder);
-  return segment;
+  return std::move(segment).Finish(CodeLists::Build(images, vocabulary_size, coder));
 }
 
 std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> sources) {
@@ -109,25 +122,17 @@ std::shared_ptr<const IndexSegment> IndexSegment::Merge(std::span<const Source> 
     }
   }
   std::ranges::sort(places, {}, &Place::key);
-  auto merged = std::make_shared<IndexSegment>();
-  merged->images_.reserve(places.size());
+  Builder merged(places.size());
   for (const Place& place : places) {
     const IndexSegment& from = *sources[place.source].segment;
-    positions[place.source][place.image] = static_cast<std::uint32_t>(merged->size());
-    merged->Add(from[place.image], from.id(place.image));
+    positions[place.source][place.image] = static_cast<std::uint32_t>(merged.size());
+    merged.Add(from[place.image], from.id(place.image));
   }
   std::vector<CodeLists::Source> codes;
   for (std::size_t s = 0; s < sources.size(); ++s) {
     codes.push_back({&sources[s].segment->codes_, &positions[s]});
   }
-  merged->codes_ = CodeLists::Merge(codes);
-  return merged;
-}
-
-void IndexSegment::Add(Image image, std::string_view id) {
-  ids_ += id;
-  image.id_end = static_cast<std::uint32_t>(ids_.size());
-  images_.push_back(image);
+  return std::move(merged).Finish(CodeLists::Merge(codes));
 }
 
 std::size_t IndexSegment::Find(std::int64_t key) const {
@@ -137,8 +142,16 @@ std::size_t IndexSegment::Find(std::int64_t key) const {
 }
 
 std::size_t IndexSegment::memory_bytes() const {
-  return sizeof(*this) - sizeof(codes_) + images_.capacity() * sizeof(Image) + ids_.capacity() +
+  return sizeof(*this) - sizeof(codes_) + images_.memory_bytes() + ids_.memory_bytes() +
          codes_.memory_bytes();
+}
+
+Part Part::Merged(std::span<const Part> parts) {
+  std::vector<IndexSegment::Source> sources;
+  for (const Part& part : parts) sources.push_back({part.segment.get(), part.dead.get()});
+  Part merged;
+  merged.segment = IndexSegment::Merge(sources);
+  return merged;
 }
 
 std::optional<Bow> IndexSnapshot::Find(std::int64_t key) const {
@@ -160,8 +173,9 @@ std::size_t IndexSnapshot::memory_bytes() const {
   return bytes;
 }
 
-InvertedIndex::InvertedIndex(std::shared_ptr<const Quantizer> quantizer)
-    : quantizer_(std::move(quantizer)), snapshot_(std::make_shared<const IndexSnapshot>()) {
+InvertedIndex::InvertedIndex(std::shared_ptr<const Quantizer> quantizer, IndexSnapshot snapshot)
+    : quantizer_(std::move(quantizer)),
+      snapshot_(std::make_shared<const IndexSnapshot>(std::move(snapshot))) {
   if (quantizer_->coder() == nullptr) {
     throw Error(ErrorCode::kInvalidArgument, "codebook_malformed",
                 "The vocabulary has no codebook; train a new vocabulary.");
@@ -199,6 +213,35 @@ void InvertedIndex::Stage(std::vector<IndexedImage> added) {
 void InvertedIndex::Append(std::vector<IndexedImage> added) {
   auto next = std::make_shared<IndexSnapshot>(*snapshot());
   AddParts(*next, std::move(added));
+  Publish(std::move(next));
+}
+
+void InvertedIndex::Exchange(std::span<const std::shared_ptr<const IndexSegment>> old,
+                             std::shared_ptr<const IndexSegment> same) {
+  auto next = std::make_shared<IndexSnapshot>(*snapshot());
+  Part part;
+  part.segment = std::move(same);
+  std::size_t alive = 0;
+  for (const auto& segment : old) {
+    const auto found = std::ranges::find(next->parts, segment, &Part::segment);
+    if (found == next->parts.end()) return;
+    alive += found->alive();
+    next->parts.erase(found);
+  }
+  if (alive < part.segment->size()) {  // some were removed meanwhile
+    const std::shared_ptr<const IndexSnapshot> now = snapshot();
+    std::vector<bool> dead(part.segment->size(), true);
+    for (const Part& before : now->parts) {
+      if (std::ranges::find(old, before.segment) == old.end()) continue;
+      for (std::size_t image = 0; image < before.segment->size(); ++image) {
+        if (before.IsDead(image)) continue;
+        dead[part.segment->Find((*before.segment)[image].key)] = false;
+      }
+    }
+    part.dead = std::make_shared<const std::vector<bool>>(std::move(dead));
+    part.dead_count = part.segment->size() - alive;
+  }
+  next->parts.push_back(std::move(part));
   Publish(std::move(next));
 }
 

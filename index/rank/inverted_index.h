@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -14,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "index/rank/array.h"
 #include "index/rank/code_lists.h"
 #include "index/records/image_ref.h"
 
@@ -49,19 +51,24 @@ class IndexSegment {
   const Image& operator[](std::size_t image) const { return images_[image]; }
   std::string_view id(std::size_t image) const {
     const std::size_t begin = image == 0 ? 0 : images_[image - 1].id_end;
-    return std::string_view(ids_).substr(begin, images_[image].id_end - begin);
+    return {ids_.data() + begin, images_[image].id_end - begin};
   }
   const CodeLists& codes() const { return codes_; }
+
+  // The file that it is mapped from (segment_file.h); empty: it is in memory only.
+  const std::filesystem::path& file() const { return file_; }
 
   std::size_t Find(std::int64_t key) const;  // position of a key, or size()
   std::size_t memory_bytes() const;
 
  private:
-  void Add(Image image, std::string_view id);
+  friend class SegmentFile;
+  class Builder;
 
-  std::vector<Image> images_;  // by key
-  std::string ids_;
+  Array<Image> images_;  // by key
+  Array<char> ids_;
   CodeLists codes_;
+  std::filesystem::path file_;
 };
 
 // A searchable state. Immutable; keep the shared_ptr as long as results refer to it.
@@ -70,6 +77,9 @@ struct IndexSnapshot {
     std::shared_ptr<const IndexSegment> segment;
     std::shared_ptr<const std::vector<bool>> dead;  // nullptr = all alive
     std::size_t dead_count = 0;
+
+    // Of the living images of all parts.
+    static Part Merged(std::span<const Part> parts);
 
     std::size_t alive() const { return segment->size() - dead_count; }
     bool IsDead(std::size_t image) const { return dead != nullptr && (*dead)[image]; }
@@ -88,7 +98,8 @@ class InvertedIndex {
  public:
   // `quantizer`: of the vocabulary, which must have a codebook (kInvalidArgument
   // "codebook_malformed").
-  explicit InvertedIndex(std::shared_ptr<const Quantizer> quantizer);
+  // `snapshot`: what it begins with; of the same vocabulary.
+  explicit InvertedIndex(std::shared_ptr<const Quantizer> quantizer, IndexSnapshot snapshot = {});
 
   std::shared_ptr<const IndexSnapshot> snapshot() const;
 
@@ -103,6 +114,10 @@ class InvertedIndex {
   bool is_whole() const { return !is_changing_; }
   // For loading: adds without merges.
   void Append(std::vector<IndexedImage> added);
+  // Exchanges the segments `old` for `same`, which has the images that lived in them when a
+  // snapshot was taken. Does nothing if one of them is gone.
+  void Exchange(std::span<const std::shared_ptr<const IndexSegment>> old,
+                std::shared_ptr<const IndexSegment> same);
 
  private:
   using Part = IndexSnapshot::Part;

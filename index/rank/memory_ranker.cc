@@ -13,8 +13,21 @@
 
 namespace pliant {
 
-MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading)
-    : feed_(std::move(feed)), loading_(std::move(loading)) {}
+// Changes that are saved while others are made: a start applies the ones that are not.
+constexpr std::int64_t kSaveEvery = IndexSegment::kMaxImages;
+
+MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, MemoryRankerOptions options)
+    : feed_(std::move(feed)), options_(std::move(options)), loading_(options_.loading) {}
+
+void MemoryRanker::BeginSaving() {
+  if (!options_.files) return;
+  saver_ = std::jthread([this](const std::stop_token& stop) {
+    SaveWhile([&](Lock& lock) -> Loaded* {
+      const auto is_due = [this] { return Unsaved(kSaveEvery) != nullptr; };
+      return followed_more_.wait(lock, stop, is_due) ? Unsaved(kSaveEvery) : nullptr;
+    });
+  });
+}
 
 CollectionView MemoryRanker::View(const std::string& collection) {
   Lock lock(mutex_);
@@ -124,6 +137,7 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
     to_load_ = to_load;
   }
   entries_ = std::move(next);
+  followed_more_.notify_one();
   std::erase_if(prepared_, [](const auto& prepared) { return prepared.expired(); });
 }
 
@@ -148,7 +162,7 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
   }
   if (entry.is_current()) return entry;
   if (state.vocabulary == 0) {
-    entry.shown = Loaded{state.key, 0, nullptr, nullptr, view.Position()};
+    entry.shown = Loaded{state.key, 0, nullptr, nullptr, view.Position(), {}};
   } else if (auto prepared = TakePrepared(state.key, state.vocabulary);
              prepared && BringUpToDate(*prepared, view)) {
     entry.shown = std::move(prepared);
@@ -205,13 +219,15 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
   }
   version_.reset();  // changes during the loading are applied before it is shown
   changed_.notify_all();
+  followed_more_.notify_one();
   if (failure) std::rethrow_exception(failure);
 }
 
 MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key vocabulary) {
-  Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position()};
+  Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position(), {}};
   if (vocabulary == 0) return loaded;
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
+  if (std::optional<Loaded> from_files = LoadFiles(view, loaded)) return *from_files;
   loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
   view.ForEachImage(vocabulary, loaded.quantizer->vocabulary().size(), 0, IndexSegment::kMaxImages,
                     [&](std::vector<IndexedImage> chunk) {
@@ -220,6 +236,67 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
                       Progress(images);
                     });
   return loaded;
+}
+
+std::optional<MemoryRanker::Loaded> MemoryRanker::LoadFiles(FeedView& view, const Loaded& empty) {
+  if (!options_.files) return std::nullopt;
+  try {
+    auto saved = options_.files->Read(view, empty.vocabulary, empty.quantizer->vocabulary().size());
+    if (!saved) return std::nullopt;
+    Loaded loaded = empty;
+    const std::size_t images = saved->snapshot.images;
+    loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer, std::move(saved->snapshot));
+    loaded.at = saved->at;
+    loaded.saved = saved->at;
+    if (!BringUpToDate(loaded, view)) return std::nullopt;
+    Progress(images);
+    return loaded;
+  } catch (const Error& error) {
+    if (options_.warn) {
+      options_.warn(std::string(error.what()) + "; the index is built from the database again");
+    }
+    return std::nullopt;
+  }
+}
+
+MemoryRanker::Loaded* MemoryRanker::Unsaved(std::int64_t changes) {
+  for (auto& [name, entry] : entries_) {
+    if (!entry.is_current() || !entry.shown->index) continue;
+    Loaded& shown = *entry.shown;
+    const FeedPosition saved = shown.saved.value_or(FeedPosition{});
+    const std::int64_t since = shown.at.image - saved.image + shown.at.removal - saved.removal;
+    if (shown.saved && since < changes) continue;
+    if (shown.index->snapshot()->images >= options_.save_from) return &shown;
+  }
+  return nullptr;
+}
+
+void MemoryRanker::Save() {
+  if (!saver_.joinable()) return;
+  SaveWhile([this](Lock&) { return Unsaved(1); });
+}
+
+void MemoryRanker::SaveWhile(const std::function<Loaded*(Lock& lock)>& next) {
+  Lock lock(mutex_);
+  while (Loaded* const unsaved = next(lock)) {
+    unsaved->saved = unsaved->at;  // also if it fails: it is tried again after more changes
+    const Loaded loaded = *unsaved;
+    const std::shared_ptr<const IndexSnapshot> snapshot = loaded.index->snapshot();
+    lock.unlock();
+    try {
+      options_.files->Write(*feed_, loaded.vocabulary, *snapshot, loaded.at,
+                            [&](auto old, auto same) {
+                              const Lock exchanging(mutex_);
+                              loaded.index->Exchange(old, std::move(same));
+                            });
+    } catch (const std::exception& error) {
+      if (options_.warn) {
+        options_.warn(std::string("the index is not saved, so the next start takes longer: ") +
+                      error.what());
+      }
+    }
+    lock.lock();
+  }
 }
 
 std::shared_ptr<const void> MemoryRanker::Prepare(Key collection, Key vocabulary) {

@@ -6,7 +6,7 @@
 // Searches wait only for each other's poll of the feed and for small changes. One thread does long
 // work in the background: loading a collection after a switch of its vocabulary, or whose changes
 // the store has forgotten. Meanwhile others use the previous state, to which removals are applied
-// too. Without a previous state they wait.
+// too. Without a previous state they wait. Another thread saves large indexes in files.
 #pragma once
 
 #include <atomic>
@@ -17,8 +17,10 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "index/rank/index_files.h"
 #include "index/rank/inverted_index.h"
 #include "index/rank/ranking.h"
 #include "index/store/catalogue.h"
@@ -26,11 +28,18 @@
 
 namespace pliant {
 
+struct MemoryRankerOptions {
+  // During the first load, receives the share of the images in memory. Can be empty.
+  std::function<void(double)> loading;
+  std::shared_ptr<IndexFiles> files;  // nullptr: the index is always built from the store
+  std::size_t save_from = 0;          // images: smaller indexes are not saved
+  std::function<void(const std::string& failure)> warn;  // of files; can be empty
+};
+
 // Thread-safe. Throws what a database throws.
 class MemoryRanker {
  public:
-  // During the first load, calls `loading` with the share of the images in memory. It can be empty.
-  explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, std::function<void(double)> loading = {});
+  explicit MemoryRanker(std::unique_ptr<ChangeFeed> feed, MemoryRankerOptions options = {});
 
   // The present state: with all writes of this process and, unless a collection is just being
   // reloaded, of others. kNotFound "collection_not_found".
@@ -48,6 +57,11 @@ class MemoryRanker {
   // Preloads the data for a switch to this vocabulary, so that the switch itself takes no time.
   // Kept as long as the result.
   [[nodiscard]] std::shared_ptr<const void> Prepare(Key collection, Key vocabulary);
+  // From now on saves in the files what many changes have made. Call it once, and only if the store
+  // can be written. Failures are warnings.
+  void BeginSaving();
+  // The same now, for any change, so that the next start is fast.
+  void Save();
 
   std::size_t memory_bytes() const;
   // ChangeFeed::Version when it last caught up with the store; 0 = never. Never waits.
@@ -63,6 +77,7 @@ class MemoryRanker {
     std::shared_ptr<const Quantizer> quantizer;
     std::shared_ptr<InvertedIndex> index;
     FeedPosition at;
+    std::optional<FeedPosition> saved;  // where it was saved last, if it could be
   };
   struct Entry {
     Key collection = 0;
@@ -84,15 +99,21 @@ class MemoryRanker {
   void LoadEntry(const std::string& name, Lock& lock);  // releases the lock while it loads
   void LoadAll(Lock& lock);
   static CollectionView ViewOf(const Entry& entry);
+  // One that has at least so many changes that are not saved.
+  Loaded* Unsaved(std::int64_t changes);
 
   // Without mutex_.
   Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
+  std::optional<Loaded> LoadFiles(FeedView& view, const Loaded& empty);
+  void SaveWhile(const std::function<Loaded*(Lock& lock)>& next);
   void Progress(std::size_t images);
 
   const std::unique_ptr<ChangeFeed> feed_;
+  const MemoryRankerOptions options_;
 
   mutable std::mutex mutex_;  // guards all up to progress_; held while small changes are applied
   std::condition_variable changed_;  // an entry is no longer loading
+  std::condition_variable_any followed_more_;
   std::map<std::string, Entry> entries_;
   std::atomic<std::int64_t> followed_ = 0;
   std::optional<std::int64_t> version_;  // of the feed that entries_ follow; absent: unknown
@@ -103,6 +124,8 @@ class MemoryRanker {
   std::function<void(double)> loading_;  // only until the first load is complete
   std::uint64_t to_load_ = 0;
   std::uint64_t loaded_ = 0;
+
+  std::jthread saver_;  // last: it uses the others
 };
 
 }  // namespace pliant

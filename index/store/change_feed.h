@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "index/records/image_ref.h"
@@ -51,6 +52,8 @@ class FeedView {
   virtual void ForEachImage(Key vocabulary, std::size_t words, std::int64_t after,
                             std::size_t chunk,
                             const std::function<void(std::vector<IndexedImage>)>& work) = 0;
+  // Whether this state of the store comes after the one at which SignSaved wrote the signature.
+  virtual bool IsSigned(Key vocabulary, const std::string& signature) = 0;
 };
 
 // Thread-safe. Throws what a database throws.
@@ -61,6 +64,11 @@ class ChangeFeed {
   // Changes with every commit of any process. Cheap: every search calls it.
   virtual std::int64_t Version() = 0;
   virtual std::unique_ptr<FeedView> Poll() = 0;
+  // Writes a signature of the images in a vocabulary as they are saved elsewhere, and forgets
+  // another one. So a store that was restored from an older copy does not know what was saved
+  // later. Throws kReadOnly "read_only".
+  virtual void SignSaved(Key vocabulary, const std::string& signature,
+                         const std::string& forgotten) = 0;
 };
 
 }  // namespace pliant

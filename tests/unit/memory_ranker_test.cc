@@ -98,6 +98,7 @@ class FakeView : public FeedView {
       if (image.key > after) work({image});  // each a chunk
     }
   }
+  bool IsSigned(Key, const std::string&) override { return false; }
 
  private:
   Content content_;
@@ -115,6 +116,7 @@ class FakeFeed : public ChangeFeed {
     const std::lock_guard lock(mutex_);
     return std::make_unique<FakeView>(content_, &gate_);
   }
+  void SignSaved(Key, const std::string&, const std::string&) override {}
   template <typename Change>
   void Commit(Change change) {
     const std::lock_guard lock(mutex_);

@@ -86,6 +86,14 @@ class SqlFeedView : public FeedView {
     });
   }
 
+  bool IsSigned(Key vocabulary, const std::string& signature) override {
+    return Read([&](Connection& db) {
+      return db.Prepare("SELECT 1 FROM saved_indexes WHERE signature = ? AND vocabulary = ?")
+          .Bind(signature, vocabulary)
+          .Next();
+    });
+  }
+
  private:
   Access& access_;
   const std::unique_ptr<ReadTransaction> reading_;
@@ -98,6 +106,15 @@ class SqlFeed : public ChangeFeed {
   std::int64_t Version() override { return access_.Version(); }
   std::unique_ptr<FeedView> Poll() override {
     return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_); });
+  }
+  void SignSaved(Key vocabulary, const std::string& signature,
+                 const std::string& forgotten) override {
+    access_.Write([&](Connection& db) {
+      db.Prepare("DELETE FROM saved_indexes WHERE signature = ?").Bind(forgotten).Run();
+      db.Prepare("INSERT INTO saved_indexes (signature, vocabulary) VALUES (?, ?)")
+          .Bind(signature, vocabulary)
+          .Run();
+    });
   }
 
  private:

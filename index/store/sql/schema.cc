@@ -116,6 +116,11 @@ CREATE TABLE image_words (
   UNIQUE (vocabulary, image)
 );
 CREATE INDEX image_words_by_image ON image_words (image);
+CREATE TABLE saved_indexes (           -- in files (ChangeFeed::SignSaved)
+  signature TEXT PRIMARY KEY,
+  vocabulary INTEGER NOT NULL REFERENCES vocabularies (key) ON DELETE CASCADE
+) WITHOUT ROWID;
+CREATE INDEX saved_indexes_by_vocabulary ON saved_indexes (vocabulary);
 
 -- What a server keeps beside the images (service_store.h).
 CREATE TABLE api_keys (
