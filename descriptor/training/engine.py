@@ -144,7 +144,7 @@ class TrainingStep:
             loss = loss + matching
             figures["loss"] = matching.detach()
             if stage.distill:
-                wanted = F.normalize(self._move(batch.descriptors) @ self.components)
+                wanted = F.normalize(linear(self._move(batch.descriptors), self.components.t()))
                 distilled = losses.distillation(a, b, *wanted.chunk(2), stage.temperature)
                 loss = loss + distilled
                 figures["distillation"] = distilled.detach()

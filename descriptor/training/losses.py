@@ -11,6 +11,8 @@ from __future__ import annotations
 import torch
 from torch.nn import functional as F
 
+from .fast_linear import linear
+
 NEAR_PX = 5.0
 _NEAR_DUPLICATE = 0.008  # distance below which a negative is taken for a twin of the anchor
 _WARP_SMOOTH = 0.1       # radii: where smooth-L1 turns from square to linear
@@ -29,7 +31,7 @@ def false_negatives(xy_a: torch.Tensor, xy_b: torch.Tensor, surface: torch.Tenso
 
 def info_nce(a: torch.Tensor, b: torch.Tensor, ignore: torch.Tensor, temperature: float) -> torch.Tensor:
     """Cross entropy over the batch in both directions (van den Oord et al. 2018)."""
-    logits = (a @ b.t() / temperature).masked_fill(ignore, -1e4)
+    logits = (linear(a, b) / temperature).masked_fill(ignore, -1e4)
     target = torch.arange(len(a), device=a.device)
     return 0.5 * (F.cross_entropy(logits, target) + F.cross_entropy(logits.t(), target))
 
@@ -39,14 +41,14 @@ def distillation(a: torch.Tensor, b: torch.Tensor, teacher_a: torch.Tensor, teac
     """What separates descriptors from a teacher's: 1 - cosine of each, and the Kullback-Leibler
     divergence of what each is similar to in the batch (Hinton et al. 2015)."""
     apart = 1 - 0.5 * ((a * teacher_a).sum(1) + (b * teacher_b).sum(1)).mean()
-    own, wanted = a @ b.t() / temperature, teacher_a @ teacher_b.t() / temperature
+    own, wanted = linear(a, b) / temperature, linear(teacher_a, teacher_b) / temperature
     divergence = [F.kl_div(F.log_softmax(x, 1), F.log_softmax(y, 1), reduction="batchmean", log_target=True)
                   for x, y in ((own, wanted), (own.t(), wanted.t()))]
     return apart + 0.5 * (divergence[0] + divergence[1])
 
 
 def distances(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
-    return torch.sqrt((2 - 2 * a @ b.t()).clamp_min(1e-6))
+    return torch.sqrt((2 - 2 * linear(a, b)).clamp_min(1e-6))
 
 
 def hardest_negatives(distance: torch.Tensor, ignore: torch.Tensor) -> torch.Tensor:

@@ -51,15 +51,15 @@ class Trainer:
         self.optimizer = make_optimizer(model, run.stage)
         self.step, self.seconds, self.best, self.validated = 0, 0.0, -1.0, 0.0
         self.schedule = Schedule(run.stage.steps, run.deadline, time.time())
+        self.components: torch.Tensor | None = None  # of the teacher's descriptors; the same after new scenes
         run.directory.mkdir(parents=True, exist_ok=True)
         self._resume()
         self.log = CsvLog(run.directory / "log.csv", self.step)
         self.validation_log = CsvLog(run.directory / "validation.csv", self.step)
-        components = None
-        if teacher is not None:
+        if teacher is not None and self.components is None:
             described = np.concatenate([views[0].descriptors for views in data.targets]).astype(np.float64)
-            components = torch.from_numpy(shared_components(described, model.dim)).float().to(device)
-        self.compute = TrainingStep(model, run.stage, run.preset, device, teacher, components)
+            self.components = torch.from_numpy(shared_components(described, model.dim)).float().to(device)
+        self.compute = TrainingStep(model, run.stage, run.preset, device, teacher, self.components)
 
     def _resume(self) -> None:
         state = read_checkpoint(self.run.directory, self.device)
@@ -73,13 +73,14 @@ class Trainer:
         self.optimizer.load_state_dict(state["optimizer"])
         self.step, self.seconds, self.best = state["step"], state["seconds"], state["best"]
         self.schedule.started, self.validated = state["started"], state.get("validated", self.seconds)
+        self.components = state.get("components")
 
     def _checkpoint(self) -> None:
         write_checkpoint(self.run.directory, {
             "stage": self.run.stage.name, "model": self.model.state_dict(),
             "optimizer": self.optimizer.state_dict(), "step": self.step, "seconds": self.seconds,
             "best": self.best, "validated": self.validated, "started": self.schedule.started,
-            "spacing": self.model.spacing})
+            "spacing": self.model.spacing, "components": self.components})
         self._export("last.safetensors")
 
     def _export(self, name: str) -> None:
