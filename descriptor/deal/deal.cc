@@ -42,20 +42,25 @@ class DealDescriptor final : public Descriptor {
 
   Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
                        int threads) const override {
-    return Describe(grey, keypoints, deal::kOneSupport, threads);
+    return DescribeFine(grey, keypoints, {}, threads);
   }
 
   Descriptors DescribeReference(const Image& grey, std::span<const Keypoint> keypoints,
                                 int threads) const override {
-    return Describe(grey, keypoints, deal::kPooledSupports, threads);
+    return Rows(
+        network_.Describe(grey, keypoints, warp_, deal::kPooledSupports, ResolveThreads(threads)));
+  }
+
+  Descriptors DescribeFine(const Image& grey, std::span<const Keypoint> keypoints,
+                           std::span<const EnlargedKeypoints> finer, int threads) const override {
+    return Rows(network_.Describe(grey, keypoints, warp_, deal::kOneSupport,
+                                  ResolveThreads(threads), finer));
   }
 
  private:
-  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                       std::span<const float> supports, int threads) const {
-    Descriptors result{DescriptorKind::kFloat, info_.dim, keypoints.size(), {}, {}};
-    result.floats = network_.Describe(grey, keypoints, warp_, supports, ResolveThreads(threads));
-    return result;
+  Descriptors Rows(std::vector<float> floats) const {
+    const std::size_t rows = floats.size() / network_.dim();
+    return {DescriptorKind::kFloat, info_.dim, rows, std::move(floats), {}};
   }
 
   deal::DealNetwork network_;

@@ -459,37 +459,57 @@ std::vector<float> DealNetwork::DescribePatches(std::span<const float> patches, 
 }
 
 std::vector<float> DealNetwork::Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                                         bool warp, std::span<const float> supports,
-                                         int threads) const {
+                                         bool warp, std::span<const float> supports, int threads,
+                                         std::span<const EnlargedKeypoints> finer) const {
+  std::vector<Keypoint> all(keypoints.begin(), keypoints.end());
+  for (const EnlargedKeypoints& more : finer) {
+    CheckKeypoints(more.inside);
+    all.insert(all.end(), more.placed.begin(), more.placed.end());
+  }
+  CheckKeypoints(all);
   const GreyImage image = ToImage(grey);
-  CheckKeypoints(keypoints);
-  if (keypoints.empty()) return {};
+  if (all.empty()) return {};
   std::vector<float> theta;
-  if (warp) theta = localization_.Theta(backbone_.Run(image, threads), keypoints, threads);
-  std::vector<float> rows(keypoints.size() * dim());
-  // A few batches pass the remaining stages in one thread: their buffers stay small, and a stage's
-  // weights stay in the cache for some time. There are several such steps a thread.
+  if (warp) theta = localization_.Theta(backbone_.Run(image, threads), all, threads);
+  std::vector<float> rows(all.size() * dim());
+  std::size_t done = 0;
+  const auto describe = [&](const Image& from, std::span<const Keypoint> points) {
+    if (points.empty()) return;
+    const std::size_t values = warp ? kThetaValues : 0;
+    DescribeWarped(from, points, std::span(theta).subspan(done * values, points.size() * values),
+                   supports, threads, rows.data() + done * dim());
+    done += points.size();
+  };
+  describe(grey, keypoints);
+  for (const EnlargedKeypoints& more : finer) describe(more.image, more.inside);
+  return rows;
+}
+
+void DealNetwork::DescribeWarped(const Image& grey, std::span<const Keypoint> keypoints,
+                                 std::span<const float> theta, std::span<const float> supports,
+                                 int threads, float* rows) const {
+  const GreyImage image = ToImage(grey);
+  // A few batches pass the stages in one thread: their buffers stay small, and a stage's weights
+  // stay in the cache for some time. There are several such steps a thread.
   const std::size_t share = keypoints.size() / (4 * static_cast<std::size_t>(threads));
   const std::size_t step = kBatch * std::clamp<std::size_t>(share / kBatch, 1, 8);
   ForEach(step, keypoints.size(), threads, [&](std::size_t first, std::size_t count) {
     const std::span<const Keypoint> points = keypoints.subspan(first, count);
     std::vector<float> shifts;
-    if (warp) {
-      const auto all = std::span<const float>(theta);
-      shifts = Displacements(all.subspan(first * kThetaValues, count * kThetaValues), 1);
+    if (!theta.empty()) {
+      shifts = Displacements(theta.subspan(first * kThetaValues, count * kThetaValues), 1);
     }
-    float* const to = rows.data() + first * dim();
+    float* const to = rows + first * dim();
     for (const float support : supports) {
       const std::vector<float> more =
           DescribePatches(Patches(image, points, shifts, support, 1), 1);
       std::transform(more.begin(), more.end(), to, to, std::plus<>());
     }
   });
-  if (supports.size() == 1) return rows;  // of unit length already
+  if (supports.size() == 1) return;  // of unit length already
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    NormalizeLength(std::span(rows).subspan(i * dim(), dim()));
+    NormalizeLength({rows + i * dim(), dim()});
   }
-  return rows;
 }
 
 }  // namespace pliant::deal

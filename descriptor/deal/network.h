@@ -13,6 +13,7 @@
 #include "descriptor/deal/hardnet.h"
 #include "descriptor/deal/primitives.h"
 #include "descriptor/deal/weights.h"
+#include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/features.h"
 #include "descriptor/image/image.h"
 
@@ -147,9 +148,11 @@ class DealNetwork {
   // count x kPatchPixels to count x dim(), unit length.
   std::vector<float> DescribePatches(std::span<const float> patches, int threads) const;
 
-  // keypoints.size() x dim() from the image: all stages.
+  // Rows of dim() values: all stages. First those of `keypoints`, then those of `finer`, whose
+  // patches come from its images, and whose warps from `grey`.
   std::vector<float> Describe(const Image& grey, std::span<const Keypoint> keypoints, bool warp,
-                              std::span<const float> supports, int threads) const;
+                              std::span<const float> supports, int threads,
+                              std::span<const EnlargedKeypoints> finer = {}) const;
 
  private:
   // Buffers of one thread, for batches of keypoints.
@@ -162,6 +165,10 @@ class DealNetwork {
   };
 
   Pool<Worker>::Lease TakeWorker() const;
+  // From patches on. theta: empty, or of the keypoints.
+  void DescribeWarped(const Image& grey, std::span<const Keypoint> keypoints,
+                      std::span<const float> theta, std::span<const float> supports, int threads,
+                      float* rows) const;
 
   std::shared_ptr<const DealWeights> weights_;
   Backbone backbone_;

@@ -118,9 +118,7 @@ class SceneMatcher {
   // A view's keypoints on the object, and their descriptors.
   struct ViewFeatures {
     std::vector<Keypoint> keypoints;
-    // Enlarged, and where the last inside.size() of `keypoints` are in it.
-    Image enlarged;
-    std::vector<Keypoint> inside;
+    EnlargedKeypoints finer;                         // the last ones
     std::map<std::size_t, Descriptors> descriptors;  // by contender
   };
   // The keypoints of both views that count in this pair, and the truth between them.
@@ -155,12 +153,13 @@ SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
   }
   if (!options_.enlarge) return features;
   EnlargedKeypoints more = DetectEnlarged(image, found, /*max_side_px=*/0, options);
-  features.enlarged = std::move(more.image);
+  features.finer.image = std::move(more.image);
   for (std::size_t i = 0; i < more.placed.size(); ++i) {
     const Keypoint& k = more.placed[i];
     if (!scene_.OnObject(view, {k.x, k.y})) continue;
     features.keypoints.push_back(k);
-    features.inside.push_back(more.inside[i]);
+    features.finer.placed.push_back(k);
+    features.finer.inside.push_back(more.inside[i]);
   }
   return features;
 }
@@ -193,12 +192,9 @@ const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
   const Stopwatch watch;
   const Descriptor& descriptor = *contenders_[contender].descriptor;
   const std::span<const Keypoint> keypoints(features.keypoints);
-  const std::size_t plain = keypoints.size() - features.inside.size();
-  place->second =
-      descriptor.Describe(scene_.ViewImage(view), keypoints.first(plain), /*threads=*/1);
-  if (!features.inside.empty()) {
-    place->second.Append(descriptor.Describe(features.enlarged, features.inside, /*threads=*/1));
-  }
+  const std::size_t plain = keypoints.size() - features.finer.inside.size();
+  place->second = descriptor.DescribeFine(scene_.ViewImage(view), keypoints.first(plain),
+                                          {&features.finer, 1}, /*threads=*/1);
   measurement.describe_seconds[contender] += watch.seconds();
   measurement.described[contender] += static_cast<double>(features.keypoints.size());
   return place->second;

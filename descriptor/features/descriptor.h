@@ -10,13 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/features.h"
 #include "descriptor/features/keypoints.h"
 #include "descriptor/image/image.h"
 
 namespace pliant {
-
-struct EnlargedKeypoints;
 
 struct DescriptorInfo {
   std::string name;  // one of DescriptorNames()
@@ -43,6 +42,11 @@ class Descriptor {
                                         int threads) const {
     return Describe(grey, keypoints, threads);
   }
+
+  // Rows of Describe, then rows of the keypoints in `finer`, whose places are in pixels of `grey`.
+  // They are described from their own images; DEAL takes their warps from `grey`.
+  virtual Descriptors DescribeFine(const Image& grey, std::span<const Keypoint> keypoints,
+                                   std::span<const EnlargedKeypoints> finer, int threads) const;
 };
 
 struct DescriptorOptions {
@@ -70,7 +74,7 @@ struct ExtractionOptions {
   int keep = 0;
   // 0: off. Above 0, low-contrast keypoints are described too. An image with fewer keypoints than
   // this is also described enlarged (enlarged_keypoints.h), which adds the strongest keypoints up
-  // to this number, and at most keypoints.max_keypoints.
+  // to this number, and at most keypoints.max_keypoints. Not for references.
   int enlarge_below = 0;
   bool colours = true;  // also keep the coarse colours (colour_grid.h)
   ImageDecoder decoder = DecodeImage;
@@ -130,9 +134,6 @@ class FeatureExtractor {
  private:
   Features Extract(const DecodedImage& decoded, const std::optional<Region>& inside, int threads,
                    ExtractionTimings* timings, ImageRole role) const;
-  void Append(const EnlargedKeypoints& more, int threads, ImageRole role, Features* features) const;
-  Descriptors Describe(const Image& grey, std::span<const Keypoint> keypoints, ImageRole role,
-                       int threads) const;
 
   std::shared_ptr<const Descriptor> descriptor_;
   ExtractionOptions options_;

@@ -172,7 +172,7 @@ std::optional<int> SecondPassSide(double longer_side_px, int max_side_px) {
   return static_cast<int>(finer);
 }
 
-std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
+std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey,
                                                       std::span<const Keypoint> known,
                                                       double factor, const KeypointOptions& options,
                                                       int threads) {
@@ -190,7 +190,7 @@ std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double 
       k.y -= static_cast<float>(strip.first);
       found.push_back(k);
     }
-    result.push_back(WithoutKnown(RowsOf(image, strip), scale * factor, strip.first, found, known));
+    result.push_back(WithoutKnown(RowsOf(image, strip), factor, strip.first, found, known));
   }
   return result;
 }

@@ -32,8 +32,8 @@ EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> kn
 double EnlargementOf(double longer_side_px, int max_side_px);
 
 // The keypoints of `found` in `image` that `known` does not have. `known` and `placed` are in
-// pixels of the original; `image` shows it scaled by `scale`, from row `top` (in its own pixels)
-// on.
+// pixels of another image, which `image` shows scaled by `scale`, from row `top` (in its own
+// pixels) on.
 EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<const Keypoint> found,
                                std::span<const Keypoint> known);
 
@@ -63,13 +63,12 @@ std::optional<PartView> DecodePart(Bytes encoded, const Region& part, int side_p
 // more than the sides used for its own keypoints and for DetectEnlarged.
 std::optional<int> SecondPassSide(double longer_side_px, int max_side_px);
 
-// Detects keypoints in `grey`, which shows the original scaled by `scale`, once it is `factor` (at
-// least 1) times as large: the strongest options.max_keypoints of options.inside (in pixels of
-// `grey`), without those that `known` has already. `known` and EnlargedKeypoints::placed are in
-// pixels of the original. The image comes in strips of the same size, which overlap, so that the
+// Detects keypoints in `grey`, once it is `factor` (at least 1) times as large: the strongest
+// options.max_keypoints of options.inside, without those that `known` has already. All places are
+// in pixels of `grey`. The image comes in strips of the same size, which overlap, so that the
 // description of a strip needs no more memory than that of an image of the usual size. A keypoint
 // belongs to the strip in whose middle it lies. Thread-safe.
-std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey, double scale,
+std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey,
                                                       std::span<const Keypoint> known,
                                                       double factor, const KeypointOptions& options,
                                                       int threads = 1);

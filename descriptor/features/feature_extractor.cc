@@ -24,6 +24,15 @@ void Shift(std::vector<Keypoint>* keypoints, double right, double down) {
 
 }  // namespace
 
+Descriptors Descriptor::DescribeFine(const Image& grey, std::span<const Keypoint> keypoints,
+                                     std::span<const EnlargedKeypoints> finer, int threads) const {
+  Descriptors rows = Describe(grey, keypoints, threads);
+  for (const EnlargedKeypoints& more : finer) {
+    if (!more.inside.empty()) rows.Append(Describe(more.image, more.inside, threads));
+  }
+  return rows;
+}
+
 FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
                                    ExtractionOptions options)
     : descriptor_(std::move(descriptor)), options_(std::move(options)) {
@@ -40,12 +49,6 @@ FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
 
 DecodedImage FeatureExtractor::Decode(Bytes encoded) const {
   return options_.decoder(encoded, options_.decode);
-}
-
-Descriptors FeatureExtractor::Describe(const Image& grey, std::span<const Keypoint> keypoints,
-                                       ImageRole role, int threads) const {
-  return role == ImageRole::kReference ? descriptor_->DescribeReference(grey, keypoints, threads)
-                                       : descriptor_->Describe(grey, keypoints, threads);
 }
 
 Features FeatureExtractor::ExtractFrom(const Image& image, int threads, ExtractionTimings* timings,
@@ -117,33 +120,24 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   if (options_.keep > 0) {
     KeepStrongAndSpread(static_cast<std::size_t>(options_.keep), &features.keypoints);
   }
-  double detect_ms = watch.LapMs();
-  features.descriptors = Describe(decoded.image, features.keypoints, role, threads);
-  double describe_ms = watch.LapMs();
-  if (features.keypoints.size() < static_cast<std::size_t>(options_.enlarge_below)) {
-    EnlargedKeypoints more = DetectEnlarged(decoded.image, features.keypoints,
-                                            options_.decode.max_side_px, keypoints, threads);
-    const std::size_t wanted =
-        static_cast<std::size_t>(options_.enlarge_below) - features.keypoints.size();
+  const auto enlarge_below = static_cast<std::size_t>(options_.enlarge_below);
+  EnlargedKeypoints more;
+  if (role == ImageRole::kQuery && features.keypoints.size() < enlarge_below) {
+    more = DetectEnlarged(decoded.image, features.keypoints, options_.decode.max_side_px, keypoints,
+                          threads);
+    const std::size_t wanted = enlarge_below - features.keypoints.size();
     more.inside.resize(std::min(more.inside.size(), wanted));  // the strongest come first
     more.placed.resize(more.inside.size());
-    detect_ms += watch.LapMs();
-    Append(more, threads, role, &features);
-    describe_ms += watch.LapMs();
   }
-  if (timings != nullptr) {
-    timings->detect_ms = detect_ms;
-    timings->describe_ms = describe_ms;
-  }
+  if (timings != nullptr) timings->detect_ms = watch.LapMs();
+  features.descriptors =
+      role == ImageRole::kReference
+          ? descriptor_->DescribeReference(decoded.image, features.keypoints, threads)
+          : descriptor_->DescribeFine(decoded.image, features.keypoints, {&more, 1}, threads);
+  features.keypoints.insert(features.keypoints.end(), more.placed.begin(), more.placed.end());
+  if (timings != nullptr) timings->describe_ms = watch.LapMs();
   ScaleToOriginal(features.keypoints, decoded.scale);
   return features;
-}
-
-void FeatureExtractor::Append(const EnlargedKeypoints& more, int threads, ImageRole role,
-                              Features* features) const {
-  if (more.inside.empty()) return;
-  features->descriptors.Append(Describe(more.image, more.inside, role, threads));
-  features->keypoints.insert(features->keypoints.end(), more.placed.begin(), more.placed.end());
 }
 
 std::optional<Features> FeatureExtractor::ExtractSecondPass(Bytes encoded, const Features& known,
@@ -169,15 +163,21 @@ std::optional<Features> FeatureExtractor::ExtractSecondPass(Bytes encoded, const
   if (part) keypoints.inside = view->inside;
   std::vector<Keypoint> known_here = known.keypoints;
   Shift(&known_here, -view->left, -view->top);
+  const Image& image = view->decoded.image;
   const double scale = view->decoded.scale;
-  auto strips =
-      DetectAtHighResolution(view->decoded.image, scale, known_here,
-                             std::max(1.0, *side / (longer_side * scale)), keypoints, threads);
+  ScaleToOriginal(known_here, 1 / scale);  // to pixels of `image`
+  auto strips = DetectAtHighResolution(
+      image, known_here, std::max(1.0, *side / (longer_side * scale)), keypoints, threads);
   const double detect_ms = watch.LapMs();
+  const ScaledSize usual = ScaleToFit(image.width, image.height, options_.decode.max_side_px);
+  for (EnlargedKeypoints& more : strips) ScaleToOriginal(more.placed, 1 / usual.scale);
   Features features = known;
+  features.descriptors.Append(descriptor_->DescribeFine(
+      ResizeImage(image, usual.width, usual.height), {}, strips, threads));
   for (EnlargedKeypoints& more : strips) {
+    ScaleToOriginal(more.placed, scale * usual.scale);
     Shift(&more.placed, view->left, view->top);
-    Append(more, threads, ImageRole::kQuery, &features);
+    features.keypoints.insert(features.keypoints.end(), more.placed.begin(), more.placed.end());
   }
   if (timings != nullptr) {
     timings->decode_ms += decode_ms;

@@ -197,6 +197,7 @@ BENCHMARK(BM_AddOne)
     ->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Load)
     ->ArgNames({"images", "words", "files"})
+    ->Args({20'000, 65'536, 0})
     ->Args({100'000, 65'536, 0})
     ->Args({100'000, 65'536, 1})
     ->Iterations(1)

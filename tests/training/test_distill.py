@@ -13,6 +13,7 @@ from descriptor.training import losses, runtime, trainer
 from descriptor.training.batches import SceneSet, draw_batch
 from descriptor.training.checkpoint import read_csv
 from descriptor.training.model import SHAPES, Deal, Shape, load_model
+from descriptor.training.narrow import narrowed
 from descriptor.training.presets import preset
 from descriptor.training.scenes import Scene
 from descriptor.training.teacher import Teacher, shared_components
@@ -57,6 +58,19 @@ class ComponentsTest(unittest.TestCase):
         kept = descriptors @ components
         np.testing.assert_allclose((kept**2).mean(0), (descriptors**2).sum(1).mean() / 8, rtol=0.01)
         np.testing.assert_array_equal(components, shared_components(descriptors, 8))
+
+
+class NarrowTest(unittest.TestCase):
+    def test_descriptors_are_projected_on_the_components(self):
+        network, _ = load_model(WEIGHTS)
+        components = np.linalg.qr(np.random.default_rng(1).normal(size=(network.dim, 16)))[0]
+        patches = torch.rand(20, 32, 32, generator=torch.Generator().manual_seed(5))
+        with torch.no_grad():
+            expected = F.normalize(network.hardnet(patches) @ torch.from_numpy(components).float())
+            narrow = narrowed(network, components)
+            torch.testing.assert_close(narrow.hardnet(patches), expected, atol=1e-5, rtol=0)
+        self.assertEqual(narrow.dim, 16)
+        torch.testing.assert_close(narrow.backbone.conv1.weight, network.backbone.conv1.weight)
 
 
 class DistillationTest(unittest.TestCase):

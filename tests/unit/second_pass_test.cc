@@ -19,7 +19,7 @@ Image Noise(int width, int height, std::uint64_t seed) {
   return CopyFromMat(testing::NoiseImage(width, height, seed));
 }
 
-// Of all parts, in pixels of the original.
+// Of all parts, in pixels of the image.
 std::vector<Keypoint> Placed(const std::vector<EnlargedKeypoints>& parts) {
   std::vector<Keypoint> all;
   for (const EnlargedKeypoints& part : parts) {
@@ -51,7 +51,7 @@ TEST(SecondPass, IsThreeTimesTheSideButAtMostOneAndAHalfTimesTheLimit) {
 TEST(SecondPass, StripsHaveTheKeypointsOfTheWholeImage) {
   const Image image = Noise(900, 1500, 1);  // three strips
   const KeypointOptions options = {.max_keypoints = kMaxKeypoints};
-  const auto parts = DetectAtHighResolution(image, 1, {}, 1, options);
+  const auto parts = DetectAtHighResolution(image, {}, 1, options);
   ASSERT_EQ(parts.size(), 3U);
   for (const EnlargedKeypoints& part : parts) {
     EXPECT_EQ(part.image.width, 900);
@@ -72,29 +72,26 @@ TEST(SecondPass, StripsHaveTheKeypointsOfTheWholeImage) {
 TEST(SecondPass, ThoseThatAreKnownAreLeftOut) {
   const Image image = Noise(600, 400, 2);
   const KeypointOptions options = {.max_keypoints = 1000};
-  const auto first = Placed(DetectAtHighResolution(image, 1, {}, 1.5, options));
+  const auto first = Placed(DetectAtHighResolution(image, {}, 1.5, options));
   ASSERT_GT(first.size(), 500U);
   const std::vector<Keypoint> half(first.begin(), first.begin() + 300);
-  const auto rest = Placed(DetectAtHighResolution(image, 1, half, 1.5, options));
+  const auto rest = Placed(DetectAtHighResolution(image, half, 1.5, options));
   EXPECT_LE(rest.size(), first.size() - half.size());
   EXPECT_GT(rest.size(), first.size() / 3);
-  EXPECT_TRUE(Placed(DetectAtHighResolution(image, 1, first, 1.5, options)).empty());
+  EXPECT_TRUE(Placed(DetectAtHighResolution(image, first, 1.5, options)).empty());
 }
 
-// Decoded at a part of its size, described enlarged: places are the original's.
-TEST(SecondPass, PlacesAreInPixelsOfTheOriginal) {
+TEST(SecondPass, PlacesAreInPixelsOfTheImageThatIsNotEnlarged) {
   const Image image = Noise(400, 300, 3);
   const Image half = ResizeImage(image, 200, 150);
   const KeypointOptions options = {.max_keypoints = 300};
-  const auto placed = Placed(DetectAtHighResolution(half, 0.5, {}, 2, options));
+  const auto placed = Placed(DetectAtHighResolution(half, {}, 2, options));
   const auto in_half = DetectLowContrastKeypoints(half, options);
   ASSERT_GT(in_half.size(), 100U);
   int found = 0;
-  for (Keypoint k : in_half) {
-    k.x = (k.x + 0.5F) * 2 - 0.5F;
-    k.y = (k.y + 0.5F) * 2 - 0.5F;
+  for (const Keypoint& k : in_half) {
     if (std::any_of(placed.begin(), placed.end(), [&](const Keypoint& other) {
-          return std::hypot(other.x - k.x, other.y - k.y) < 1;
+          return std::hypot(other.x - k.x, other.y - k.y) < 0.5F;
         })) {
       ++found;
     }
