@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The network away from the goldens: concurrency, several supports, odd inputs.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -154,6 +155,51 @@ TEST(DealNetworkTest, RefusesKeypointsAndImagesByName) {
   EXPECT_THROW(SharedNetwork().Describe(Image{}, {}, false, kOneSupport, 1), Error);
 }
 
+// Patches come from the finer image, warps from the given one.
+TEST(DealNetworkTest, DescribesKeypointsOfFinerImages) {
+  const Image image = RandomImage(96, 80);
+  const Image twice = ResizeImage(image, 192, 160);
+  const std::vector<Keypoint> points = RandomKeypoints(40, 96, 80);
+  EnlargedKeypoints finer;
+  finer.image = twice;
+  for (const Keypoint& k : RandomKeypoints(30, 192, 160)) {
+    finer.inside.push_back(k);
+    finer.placed.push_back(k);
+  }
+  ScaleToOriginal(finer.placed, 2);
+  const auto describe = [](const Image& from, std::span<const Keypoint> keypoints, bool warp,
+                           std::span<const EnlargedKeypoints> more) {
+    return SharedNetwork().Describe(from, keypoints, warp, kOneSupport, 1, more);
+  };
+  const auto join = [](std::vector<float> first, const std::vector<float>& second) {
+    first.insert(first.end(), second.begin(), second.end());
+    return first;
+  };
+  ExpectNear(describe(image, points, false, {&finer, 1}),
+             join(describe(image, points, false, {}), describe(twice, finer.inside, false, {})),
+             1e-5, "without warps");
+  const std::vector<float> rows = describe(image, points, true, {&finer, 1});
+  const std::vector<float> own = describe(image, points, true, {});
+  ExpectNear(std::span(rows).first(own.size()), own, 1e-5, "own keypoints");
+  const std::vector<float> fixed = describe(twice, finer.inside, false, {});
+  const auto more = std::span(rows).last(fixed.size());
+  EXPECT_FALSE(std::ranges::equal(more, fixed));
+  // The same image: as if they were its own.
+  finer.image = image;
+  finer.inside = finer.placed;
+  std::vector<Keypoint> all = points;
+  all.insert(all.end(), finer.placed.begin(), finer.placed.end());
+  ExpectNear(describe(image, points, true, {&finer, 1}), describe(image, all, true, {}), 1e-5,
+             "one image");
+  // More of the finer image's detail, so much alike, but not the same.
+  const std::vector<float> coarse = describe(image, finer.placed, true, {});
+  double alike = 0;
+  for (std::size_t i = 0; i < coarse.size(); ++i) alike += coarse[i] * more[i];
+  EXPECT_GT(alike / static_cast<double>(finer.placed.size()), 0.8);
+  finer.placed[3].x = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(describe(image, points, true, {&finer, 1}), Error);
+}
+
 TEST(DealNetworkTest, DescriptorInterface) {
   const auto deal = MakeDescriptor("deal", {ModelPath()});
   const auto fixed = MakeDescriptor("deal-fixed", {ModelPath()});
@@ -164,7 +210,7 @@ TEST(DealNetworkTest, DescriptorInterface) {
   const Image image = RandomImage(90, 70);
   const Descriptors none = deal->Describe(image, {}, 0);
   EXPECT_EQ(none.rows, 0U);
-  EXPECT_EQ(none.dim, 128);
+  EXPECT_EQ(none.dim, 64);
   EXPECT_TRUE(none.floats.empty());
   const std::vector<Keypoint> points = RandomKeypoints(9, 90, 70);
   const Descriptors some = deal->Describe(image, points, 0);

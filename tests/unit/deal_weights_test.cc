@@ -136,7 +136,9 @@ TEST_F(DealWeightsTest, NamesWrongShapes) {
   EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.conv1.weight' should have 4 axes, the first a "
                                      "multiple of 16 up to 1024, found [36, 8, 1, 1]"));
   header_["hardnet.conv1.weight"]["shape"] = {32, 1, 3, 3};
-  header_["hardnet.head1.weight"]["shape"] = {128, 128, 3, 1};
+  header_["hardnet.head1.weight"]["shape"] = {64, 128, 1, 8};
+  EXPECT_EQ(LoadFault(), "(nothing thrown)");
+  header_["hardnet.head1.weight"]["shape"] = {64, 128, 8, 1};
   EXPECT_THAT(LoadFault(), HasSubstr("'hardnet.head1.weight' should cover 2 to 8 columns"));
 }
 
