@@ -10,12 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "descriptor/features/enlarged_keypoints.h"
 #include "descriptor/features/features.h"
 #include "descriptor/features/keypoints.h"
 #include "descriptor/image/image.h"
 
 namespace pliant {
+
+struct EnlargedKeypoints;  // enlarged_keypoints.h
 
 struct DescriptorInfo {
   std::string name;  // one of DescriptorNames()

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -30,7 +31,7 @@ static_assert(std::endian::native == std::endian::little,
 constexpr std::size_t kChecksumBytes = 4;
 
 constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
-constexpr std::uint8_t kFeatureVersion = 2;
+constexpr std::uint8_t kFeatureVersion = 3;
 constexpr std::size_t kFeatureHeaderBytes = 23;
 constexpr std::size_t kKeypointBytes = 8;
 constexpr std::uint32_t kMaxRows = 1u << 20;
@@ -137,7 +138,20 @@ void PutColours(std::vector<std::uint8_t>& out, const ColourGrid& colours) {
   if (colours.empty()) return;
   PutValue(out, static_cast<std::uint16_t>(colours.width));
   PutValue(out, static_cast<std::uint16_t>(colours.height));
-  out.insert(out.end(), colours.chroma.begin(), colours.chroma.end());
+  // All a*, then all b*: a third to a half of the bytes when compressed.
+  const std::size_t cells = colours.chroma.size() / 2;
+  std::vector<std::uint8_t> planes(2 * cells);
+  for (std::size_t i = 0; i < cells; ++i) {
+    planes[i] = colours.chroma[2 * i];
+    planes[cells + i] = colours.chroma[2 * i + 1];
+  }
+  uLongf bytes = ::compressBound(planes.size());
+  const std::size_t begin = out.size();
+  out.resize(begin + bytes);
+  if (::compress(out.data() + begin, &bytes, planes.data(), planes.size()) != Z_OK) {
+    throw std::bad_alloc();  // its only other failure is too small a buffer
+  }
+  out.resize(begin + bytes);
 }
 
 // All of `rest`.
@@ -145,12 +159,22 @@ ColourGrid GetColours(Bytes rest) {
   if (rest.size() < kColourHeaderBytes) ThrowCorruptBlob("features end within their colours");
   const auto width = GetValue<std::uint16_t>(rest, 0);
   const auto height = GetValue<std::uint16_t>(rest, 2);
-  const Bytes chroma = rest.subspan(kColourHeaderBytes);
-  if (width < 1 || height < 1 || width > kMaxColourSide || height > kMaxColourSide ||
-      chroma.size() != std::size_t{2} * width * height) {
+  const Bytes compressed = rest.subspan(kColourHeaderBytes);
+  const std::size_t cells = std::size_t{width} * height;
+  const bool fits = cells > 0 && width <= kMaxColourSide && height <= kMaxColourSide;
+  std::vector<std::uint8_t> planes(fits ? 2 * cells : 0);
+  uLongf bytes = planes.size();
+  uLong used = compressed.size();
+  if (!fits || ::uncompress2(planes.data(), &bytes, compressed.data(), &used) != Z_OK ||
+      bytes != planes.size() || used != compressed.size()) {
     ThrowCorruptBlob("features have colours of another size than they say");
   }
-  return {width, height, {chroma.begin(), chroma.end()}};
+  ColourGrid grid = {width, height, std::vector<std::uint8_t>(planes.size())};
+  for (std::size_t i = 0; i < cells; ++i) {
+    grid.chroma[2 * i] = planes[i];
+    grid.chroma[2 * i + 1] = planes[cells + i];
+  }
+  return grid;
 }
 
 void CheckShape(const Features& features) {

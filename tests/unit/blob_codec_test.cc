@@ -160,9 +160,20 @@ TEST(BlobCodec, ColoursComeBack) {
   EXPECT_TRUE(DecodeFeatures(without).colours.empty()) << "as of a grey image";
   features.colours = {3, 2, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 255}};
   const std::vector<std::uint8_t> blob = EncodeFeatures(features);
-  EXPECT_EQ(blob.size(), without.size() + 4 + 12);
   const Features back = DecodeFeatures(blob);
   EXPECT_EQ(back.colours, features.colours);
+  EXPECT_EQ(InStoredPrecision(features).colours, features.colours);
+}
+
+TEST(BlobCodec, ColoursAreCompressed) {
+  Features features = RandomFeatures(3, Values::kUnit, 8);
+  const std::size_t without = EncodeFeatures(features).size();
+  features.colours = {64, 64, {}};
+  for (int i = 0; i < 64 * 64; ++i) {  // a* changes from row to row, b* does not
+    features.colours.chroma.push_back(static_cast<std::uint8_t>(100 + i / 64));
+    features.colours.chroma.push_back(128);
+  }
+  EXPECT_LT(EncodeFeatures(features).size(), without + 500);
   EXPECT_EQ(InStoredPrecision(features).colours, features.colours);
 }
 
@@ -183,7 +194,8 @@ TEST(BlobCodec, ColoursOfAnotherSizeAreRefused) {
   Features features = RandomFeatures(3, Values::kUnit, 8);
   features.colours = {3, 2, std::vector<std::uint8_t>(12, 128)};
   const std::vector<std::uint8_t> blob = EncodeFeatures(features);
-  const std::size_t colours = blob.size() - 4 - 4 - 12;
+  features.colours = {};
+  const std::size_t colours = EncodeFeatures(features).size() - 4;
   const auto refused = [&](const auto& change) {
     std::vector<std::uint8_t> changed(blob.begin(), blob.end() - 4);
     change(&changed);
@@ -199,6 +211,7 @@ TEST(BlobCodec, ColoursOfAnotherSizeAreRefused) {
   refused([&](auto* b) { b->push_back(0); });
   refused([&](auto* b) { b->resize(colours + 3); });
   refused([&](auto* b) { b->resize(colours); });
+  refused([&](auto* b) { (*b)[colours + 6] ^= 0x40; });  // in what is compressed
 }
 
 TEST(BlobCodec, ValuesTooLargeAreRefusedAndLargeOnesComeBack) {

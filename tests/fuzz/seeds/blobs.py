@@ -7,6 +7,7 @@ import pathlib
 import re
 import struct
 import sys
+import zlib
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
@@ -70,35 +71,35 @@ def weights():
             "missing": text(missing)[:2000], "other": text({"__metadata__": {"format": "other"}})}
 
 
-def features(kind, encoding, dim, rows, row, **changes):
-    """`reserved` is 1 where colours follow."""
-    values = {"magic": b"PLFT", "version": 1, "reserved": 0, "width": 640, "height": 480, **changes}
-    body = struct.pack("<4sBBBBIIII", values["magic"], values["version"], kind, encoding, values["reserved"], rows, dim,
+def features(kind, dim, rows, row, **changes):
+    values = {"magic": b"PLFT", "version": 3, "coloured": 0, "width": 640, "height": 480, **changes}
+    body = struct.pack("<4sBBBIIII", values["magic"], values["version"], kind, values["coloured"], rows, dim,
                        values["width"], values["height"])
-    points = b"".join(struct.pack("<5fi", i + 0.5, i, 7, 30 * i, 0.25, -1) for i in range(rows))
+    points = b"".join(struct.pack("<HHHBB", 9000 * i, 7000 * i, 20000 + i, 30 * i, 140) for i in range(rows))
     return body + points + row * rows
 
 
 def feature_blobs():
-    scaled = struct.pack("<f4b", 0.125, 127, -127, 3, 0)
-    coloured = features(0, 2, 4, 3, scaled, reserved=1)
+    row = struct.pack("<H2B", 0x2C00, 0x9E, 0x40)  # of 4 components: a half and 4 codes of 4 bits
+    coloured = features(0, 4, 3, row, coloured=1)
+    cells = zlib.compress(bytes(range(120, 132)))
     return {
-        "colours": coloured + struct.pack("<HH", 3, 2) + bytes(range(120, 132)),
-        "colours_cut": coloured + struct.pack("<HH", 3, 2) + bytes(11),
+        "colours": coloured + struct.pack("<HH", 3, 2) + cells,
+        "colours_cut": coloured + struct.pack("<HH", 3, 2) + cells[:-3],
+        "colours_more": coloured + struct.pack("<HH", 3, 2) + cells + b"1",
         "colours_none": coloured,
-        "colours_huge": coloured + struct.pack("<HH", 0xFFFF, 0xFFFF) + bytes(12),
-        "bits": features(1, 0, 4, 3, b"\x0f\xf0\xaa\x55"),
-        "whole": features(0, 1, 4, 3, b"\0\1\x7f\xff"),
-        "scaled": features(0, 2, 4, 3, scaled),
-        "small_step": features(0, 2, 4, 1, struct.pack("<f4b", 1e-42, 127, -128, 3, 0)),
-        "not_finite": features(0, 2, 4, 1, struct.pack("<f4b", math.inf, 127, -127, 3, 0)),
-        "zero": features(0, 2, 4, 1, bytes(8)),
-        "empty": features(0, 1, 128, 0, b""),
-        "no_dim": features(0, 1, 0, 2, b""),
-        "wide": features(0, 1, 4, 1, b"\0\1\2\3", width=0xFFFFFFFF),
-        "reserved": features(0, 1, 4, 1, b"\0\1\2\3", reserved=9),
-        "version": features(0, 1, 4, 1, b"\0\1\2\3", version=2),
-        "many": features(0, 1, 4, 0, b"")[:8] + struct.pack("<II", 1 << 20, 1 << 14) + bytes(8),
+        "colours_huge": coloured + struct.pack("<HH", 0xFFFF, 0xFFFF) + cells,
+        "bits": features(1, 4, 3, b"\x0f\xf0\xaa\x55"),
+        "whole": features(0, 4, 3, row),
+        "small_step": features(0, 4, 1, struct.pack("<H2B", 1, 0x9E, 0x40)),
+        "not_finite": features(0, 4, 1, struct.pack("<H2B", 0x7C00, 0x9E, 0x40)),
+        "zero": features(0, 4, 1, bytes(4)),
+        "empty": features(0, 128, 0, b""),
+        "no_dim": features(0, 0, 2, b""),
+        "wide": features(0, 4, 1, row, width=0xFFFFFFFF),
+        "flag": features(0, 4, 1, row, coloured=9),
+        "version": features(0, 4, 1, row, version=2),
+        "many": features(0, 4, 0, b"")[:7] + struct.pack("<II", 1 << 20, 1 << 14) + bytes(8),
     }
 
 
