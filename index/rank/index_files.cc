@@ -56,6 +56,16 @@ std::optional<Manifest> ReadManifest(const fs::path& path) {
   }
 }
 
+// Empty for a manifest that is missing or damaged: its signature goes with the vocabulary.
+std::string SignatureIn(const fs::path& path) {
+  try {
+    const std::optional<Manifest> manifest = ReadManifest(path);
+    return manifest ? manifest->signature : std::string();
+  } catch (const Error&) {
+    return {};
+  }
+}
+
 FileHandle LockFolder(const fs::path& folder) {
   std::error_code error;
   fs::create_directory(folder, error);
@@ -136,14 +146,8 @@ void IndexFiles::Write(ChangeFeed& feed, Key vocabulary, const IndexSnapshot& sn
     for (const Part& part : group) old.push_back(part.segment);
     exchange(old, SegmentFile::Map(folder_ / name));
   }
-  std::string previous;
-  try {
-    if (const auto before = ReadManifest(ManifestOf(vocabulary))) previous = before->signature;
-  } catch (const Error&) {
-    // A damaged one is replaced; its signature goes with the vocabulary.
-  }
   manifest.signature = RandomHex(32);
-  feed.SignSaved(vocabulary, manifest.signature, previous);
+  feed.SignSaved(vocabulary, manifest.signature, SignatureIn(ManifestOf(vocabulary)));
   const std::string text = Json(manifest).dump();
   const std::array<std::string_view, 1> parts = {text};
   if (const std::error_code error = ReplaceFile(ManifestOf(vocabulary), parts)) {

@@ -261,7 +261,7 @@ std::optional<MemoryRanker::Loaded> MemoryRanker::LoadFiles(FeedView& view, cons
 
 MemoryRanker::Loaded* MemoryRanker::Unsaved(std::int64_t changes) {
   for (auto& [name, entry] : entries_) {
-    if (!entry.is_current() || !entry.shown->index) continue;
+    if (!entry.shown || !entry.is_current() || !entry.shown->index) continue;
     Loaded& shown = *entry.shown;
     const FeedPosition saved = shown.saved.value_or(FeedPosition{});
     const std::int64_t since = shown.at.image - saved.image + shown.at.removal - saved.removal;
