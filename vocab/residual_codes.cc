@@ -14,6 +14,7 @@
 #include <Eigen/Dense>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 
 namespace pliant {
 namespace {
@@ -308,7 +309,7 @@ LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
 }
 
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                       const Descriptors& words, int bytes, std::uint64_t seed) {
+                       const Descriptors& words, int bytes, std::uint64_t seed, int threads) {
   Check(samples, assignment, bytes);
   Codebook book;
   book.code_bytes = samples.dim;
@@ -320,12 +321,13 @@ Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t
   const Matrix residuals = Residuals(samples, assignment, words, padded);
   const Matrix rotation = Rotation(residuals, parts, book.part_dim);
   const Matrix rotated = residuals * rotation.transpose();
-  std::mt19937_64 random(seed);
-  for (int p = 0; p < parts; ++p) {
-    const PartClustering part(rotated, p * book.part_dim, book.part_dim);
-    const std::vector<float> centroids = part.Centroids(&random);
-    book.centroids.insert(book.centroids.end(), centroids.begin(), centroids.end());
-  }
+  const std::size_t part_values = kCentroids * static_cast<std::size_t>(book.part_dim);
+  book.centroids.resize(static_cast<std::size_t>(parts) * part_values);
+  ParallelFor(static_cast<std::size_t>(parts), threads, [&](std::size_t p) {
+    const PartClustering part(rotated, static_cast<int>(p) * book.part_dim, book.part_dim);
+    std::mt19937_64 random(seed + p);
+    std::ranges::copy(part.Centroids(&random), book.centroids.data() + p * part_values);
+  });
   const Matrix used = rotation.leftCols(samples.dim);
   book.rotation.assign(used.data(), used.data() + used.size());
   return book;

@@ -28,10 +28,10 @@ namespace pliant {
 
 // Learned on the residuals of `samples` to their words: assignment[i] is the word of sample i. A
 // code gets `bytes` bytes of two parts each (1 to 128), but at most one for two components.
-// Deterministic. For binary descriptors only the size is set. Throws kInvalidArgument
-// "code_bytes_invalid", "no_samples".
+// Deterministic, for any number of threads (0 = all cores). For binary descriptors only the size is
+// set. Throws kInvalidArgument "code_bytes_invalid", "no_samples".
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                       const Descriptors& words, int bytes, std::uint64_t seed = 1);
+                       const Descriptors& words, int bytes, std::uint64_t seed = 1, int threads = 0);
 
 // Throws kInvalidArgument "codebook_malformed" for contradictory sizes or values that are not
 // finite.

@@ -22,15 +22,16 @@ constexpr int kCodeBytes = 16;
 
 // The codebook, which tells descriptors of one word apart.
 void LearnCodes(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                std::uint64_t seed, Vocabulary* vocabulary) {
-  vocabulary->codebook = TrainCodebook(samples, assignment, vocabulary->words, kCodeBytes, seed);
+                const KMedoidsOptions& options, Vocabulary* vocabulary) {
+  vocabulary->codebook = TrainCodebook(samples, assignment, vocabulary->words, kCodeBytes,
+                                       options.seed, options.threads);
 }
 
 void TrainInLevels(const Descriptors& samples, const KMedoidsOptions& options,
                    Vocabulary* vocabulary) {
   const HierarchicalKMedoidsResult result = HierarchicalKMedoids(samples, options);
   vocabulary->words = SelectRows(samples, result.medoids);
-  LearnCodes(SelectRows(samples, result.judged), result.assignment, options.seed, vocabulary);
+  LearnCodes(SelectRows(samples, result.judged), result.assignment, options, vocabulary);
   vocabulary->origin.loss = result.mean_loss;
   vocabulary->origin.method = "fasterpam tree";
 }
@@ -49,7 +50,7 @@ void TrainExactly(const Descriptors& samples, const KMedoidsOptions& options,
   for (const std::uint32_t medoid : result.assignment) {
     words.push_back(word_of.at(RowBytes(samples, result.medoids[medoid])));
   }
-  LearnCodes(samples, words, options.seed, vocabulary);
+  LearnCodes(samples, words, options, vocabulary);
   vocabulary->origin.loss = result.loss / static_cast<double>(samples.rows);
   vocabulary->origin.method = "fasterpam";
 }

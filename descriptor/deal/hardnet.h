@@ -5,18 +5,15 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
+#include <span>
 #include <vector>
 
-#include "descriptor/deal/kernels.h"
+#include "descriptor/deal/hardnet_body.h"
 #include "descriptor/deal/primitives.h"
 #include "descriptor/deal/weights.h"
 
 namespace pliant::deal {
-
-// Weights for Winograd's F(4x4, 3x3) convolution and for HardNet's linear head. Internal to deal/.
-
-// G g G^T (Lavin and Gray 2016, section 4.3): kTilePlanes matrices of inputs x outputs.
-std::vector<float> WinogradWeights(const ConvLayer& layer);
 
 // An affine map from `inputs` to `outputs` values, weight inputs x outputs.
 struct AffineMap {
@@ -33,20 +30,14 @@ AffineMap FuseHead(const std::vector<ConvLayer>& head);
 // replaced by 1e-12.
 void NormalizeLength(std::span<float> row);
 
-// Immutable and thread-safe; workers hold the mutable state.
-//
-// Performance: the stride-1 layers use Winograd's F(4x4, 3x3), whose input transform reads the
-// wrapped rows in place, so padding needs no copy; its output transform writes the next layer's
-// buffer, of which only the one wrapped row is copied (the stride-2 layers are oneDNN convolutions
-// and need it). oneDNN's own convolutions cannot write into the inside of a padded buffer: they
-// fall back to its reference code. Everything stays channels-last. The head has no non-linearity,
-// so its layers are one product.
+// Immutable and thread-safe; workers hold the mutable state. The head has no non-linearity, so its
+// layers are one product.
 class HardNet {
  public:
-  static constexpr std::size_t kBatch = 16;  // maximum number of patches per Worker::Run
+  static constexpr std::size_t kBatch = HardNetBody::kBatch;
 
-  explicit HardNet(const DealWeights& weights);
-  ~HardNet();
+  // `type`: of the convolutions' maps and weights, f32 or bf16.
+  HardNet(const DealWeights& weights, dnnl::memory::data_type type);
 
   std::size_t dim() const { return static_cast<std::size_t>(head_.shape().columns); }
 
@@ -60,28 +51,14 @@ class HardNet {
     void Run(const float* patches, std::size_t count, float* descriptors);
 
    private:
-    void FirstLayer(const float* patches, std::size_t count);
-    void MultiplyTiles(std::size_t stage, const float* from, std::size_t count);
-    void WriteWrapped(std::size_t stage, std::size_t first, std::size_t count);
-    void RunConv(const ConvPrimitive& conv, float* source, float* destination);
-
     const HardNet& net_;
-    const Kernels& kernels_ = BestKernels();
+    std::unique_ptr<HardNetBody::Worker> body_;
     dnnl::stream stream_{CpuEngine()};
-    AlignedFloats framed_, pooled_, scratch_, tiles_, products_, result_;
-    std::vector<AlignedFloats> inputs_, wrapped_;  // of the stride-1 and the stride-2 layers
+    AlignedFloats pooled_, scratch_, result_;
   };
 
  private:
-  struct Stage;
-
-  HardNet(const DealWeights& weights, const ScopedPrimitiveThreads& one);
-  std::size_t scratch_bytes() const;
-
-  int first_channels_, first_stride_;
-  std::vector<float> first_weight_, first_bias_;
-  std::vector<Stage> stages_;
-  std::vector<ConvPrimitive> strided_;  // after all stages but the last
+  std::unique_ptr<HardNetBody> body_;
   ProductPrimitive head_;
 };
 

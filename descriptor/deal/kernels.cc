@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 
 #define PLIANT_KERNEL_FILE "descriptor/deal/kernels.inl"

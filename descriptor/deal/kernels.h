@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "descriptor/deal/weights.h"
@@ -33,6 +34,8 @@ struct Kernels {
   // are multiples of 16.
   void (*sample_features)(const float* map, int height, int width, int channels, float x, float y,
                           float* out);
+  void (*sample_features_bfloat16)(const float* map, int height, int width, int channels, float x,
+                                   float y, std::uint16_t* out);
 
   // Zero mean, unit variance (eps 1e-5) over the patch, into a frame of kFramedPixels.
   void (*standardize)(const float* patch, float* framed);
@@ -41,6 +44,8 @@ struct Kernels {
   // side x side x channels with side = 32 / stride; stride 1 or 2.
   void (*first_conv)(const float* framed, int channels, int stride, const float* weight,
                      const float* bias, float* out);
+  void (*first_conv_bfloat16)(const float* framed, int channels, int stride, const float* weight,
+                              const float* bias, std::uint16_t* out);
 
   // The tiles of a side x side x channels map, circular in rows and zero outside its columns, to
   // kTilePlanes planes of (side/4)^2 x channels values; plane p starts at tiles + p * plane.

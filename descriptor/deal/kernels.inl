@@ -18,6 +18,15 @@ inline __attribute__((always_inline)) void Store(const Vec& from, float* to) {
   *reinterpret_cast<UnalignedVec*>(to) = from;
 }
 
+// To bfloat16, the upper half of a float, rounded to nearest even.
+inline __attribute__((always_inline)) void Store(const Vec& from, std::uint16_t* to) {
+  using Bits = std::uint32_t __attribute__((vector_size(kLanes * sizeof(float))));
+  using Halves = std::uint16_t __attribute__((vector_size(kLanes * 2)));
+  const auto bits = reinterpret_cast<Bits>(from);
+  const Halves upper = __builtin_convertvector((bits + 0x7fff + ((bits >> 16) & 1)) >> 16, Halves);
+  std::memcpy(to, &upper, sizeof(upper));
+}
+
 inline float ClampCoordinate(float value, float last) {
   const float low = value > 0 ? value : 0.0F;  // also turns NaN to 0
   return low < last ? low : last;
@@ -58,8 +67,9 @@ inline int ClampCell(float cell, int last) {
   return cell > 0 ? (cell < static_cast<float>(last) ? static_cast<int>(cell) : last) : 0;
 }
 
+template <typename Value>
 void SampleFeatures(const float* map, int height, int width, int channels, float x, float y,
-                    float* out) {
+                    Value* out) {
   constexpr int kCells = kNeighbours + 1;  // all 25 points share one fraction: 36 cells suffice
   const float floor_x = std::floor(x);
   const float floor_y = std::floor(y);
@@ -124,8 +134,9 @@ void Standardize(const float* patch, float* framed) {
   }
 }
 
+template <typename Value>
 void FirstConv(const float* framed, int channels, int stride, const float* weight,
-               const float* bias, float* out) {
+               const float* bias, Value* out) {
   constexpr int kOutputs = 16;  // at once
   constexpr int kVecs = kOutputs / kLanes;
   constexpr int kPixels = kLanes > 8 ? 16 : (kLanes > 4 ? 4 : 2);  // as the registers allow
@@ -292,9 +303,11 @@ void WinogradPooled(const float* tiles, int side, int channels, std::size_t plan
 extern const Kernels kTable;
 const Kernels kTable = {PLIANT_TEXT(PLIANT_KERNELS),
                         SamplePatch,
-                        SampleFeatures,
+                        SampleFeatures<float>,
+                        SampleFeatures<std::uint16_t>,
                         Standardize,
-                        FirstConv,
+                        FirstConv<float>,
+                        FirstConv<std::uint16_t>,
                         WinogradInput,
                         WinogradOutput,
                         WinogradPooled};

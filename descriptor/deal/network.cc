@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <functional>
 #include <numbers>
@@ -66,16 +67,13 @@ double Rho(const Point& a, const Point& b) {
 
 using dnnl::memory;
 using Tag = memory::format_tag;
+using Type = memory::data_type;
 
 // Buffers that are kept between calls. A network of its size is made for every size of image.
 constexpr std::size_t kIdleBytes = std::size_t{512} << 20;
 
 // Output extent of a kernel of odd size with half of it as padding.
 int Strided(int extent, int stride) { return (extent - 1) / stride + 1; }
-
-memory::desc AnyLayout(int channels, int height, int width) {
-  return DenseDesc({1, channels, height, width}, Tag::any);
-}
 
 ConvOptions SamePadding(const ConvLayer& layer, bool relu, bool add) {
   const int pad = layer.kernel_height / 2;
@@ -125,8 +123,10 @@ ProductPrimitive WarpProduct(RadialSpacing spacing) {
 // Everything for one image size and thread count, run by one caller at a time.
 class SizedBackbone {
  public:
-  SizedBackbone(const DealWeights& weights, int height, int width, int threads)
-      : height_(height),
+  SizedBackbone(const DealWeights& weights, memory::data_type type, int height, int width,
+                int threads)
+      : type_(type),
+        height_(height),
         width_(width),
         threads_(threads),
         channels_(weights.feature_channels()),
@@ -145,47 +145,52 @@ class SizedBackbone {
   std::size_t bytes() const { return scratch_bytes_ + buffer_bytes_; }
 
   FeatureMap Run(const GreyImage& image) {
-    const memory source(stem_->source_desc(), CpuEngine(), const_cast<float*>(image.values.data()));
-    stem_->Run(stream_, source, stem_result_, scratch_.data());
+    Run(*stem_, const_cast<float*>(image.values.data()), stem_result_);
     pool_.execute(stream_,
                   {{DNNL_ARG_SRC, stem_result_},
                    {DNNL_ARG_DST, pooled_},
                    {DNNL_ARG_SCRATCHPAD, memory(pool_scratch_, CpuEngine(), scratch_.data())}});
-    const memory* x = &pooled_;
+    if (type_ != Type::f32) dnnl::reorder(pooled_, input_).execute(stream_, pooled_, input_);
+    const memory* x = &input_;
     for (const BlockPrimitives& block : blocks_) {
-      block.conv1->Run(stream_, *x, block.hidden, scratch_.data());
-      if (block.downsample) block.downsample->Run(stream_, *x, block.result, scratch_.data());
-      block.conv2->Run(stream_, block.hidden, block.result, scratch_.data());
+      Run(*block.conv1, x->get_data_handle(), block.hidden);
+      if (block.downsample) Run(*block.downsample, x->get_data_handle(), block.result);
+      Run(*block.conv2, block.hidden.get_data_handle(), block.result);
       x = &block.result;
     }
     return ChannelsLast(*x);
   }
 
  private:
+  void Run(const ConvPrimitive& conv, void* source, const memory& destination) {
+    conv.Run(stream_, conv.Bind(source, destination.get_data_handle(), scratch_.data()));
+  }
+
   void AddStem(const ConvLayer& stem) {
     h_ = Strided(height_, 2);
     w_ = Strided(width_, 2);
     stem_.emplace(stem, DenseDesc({1, 1, height_, width_}, Tag::nchw),
-                  AnyLayout(stem.outputs, h_, w_), SamePadding(stem, true, false));
+                  DenseDesc({1, stem.outputs, h_, w_}, Tag::any), SamePadding(stem, true, false));
     Reserve(*stem_);
     stem_result_ = MakeBuffer(stem_->destination_desc());
     h_ = Strided(h_, 2);
     w_ = Strided(w_, 2);
     const dnnl::pooling_forward::primitive_desc description = onednn::MakeMaxPooling(
-        CpuEngine(), stem_->destination_desc(), AnyLayout(stem.outputs, h_, w_), {2, 2}, {3, 3},
+        CpuEngine(), stem_->destination_desc(), DenseDesc({1, stem.outputs, h_, w_}, Tag::any), {2, 2}, {3, 3},
         {1, 1}, {1, 1}, ScratchByCaller());
     pool_ = dnnl::pooling_forward(description);
     pool_scratch_ = description.scratchpad_desc();
     scratch_bytes_ = std::max(scratch_bytes_, pool_scratch_.get_size());
     pooled_ = MakeBuffer(description.dst_desc());
+    input_ = type_ == Type::f32 ? pooled_ : MakeBuffer(BlockLayout(stem.outputs));
   }
 
   void AddBlock(const BasicBlock& layers) {
-    const memory input = blocks_.empty() ? pooled_ : blocks_.back().result;
+    const memory input = blocks_.empty() ? input_ : blocks_.back().result;
     h_ = Strided(h_, layers.conv1.stride);
     w_ = Strided(w_, layers.conv1.stride);
     BlockPrimitives& block = blocks_.emplace_back();
-    block.conv1.emplace(layers.conv1, input.get_desc(), AnyLayout(layers.conv1.outputs, h_, w_),
+    block.conv1.emplace(layers.conv1, input.get_desc(), BlockLayout(layers.conv1.outputs),
                         SamePadding(layers.conv1, true, false));
     const memory::desc hidden = block.conv1->destination_desc();
     // In the stem's buffer, which is free after the pooling; only for tiny images it is too small.
@@ -195,7 +200,7 @@ class SizedBackbone {
     block.result = input;  // identity shortcut: in place
     if (layers.downsample) {
       block.downsample.emplace(*layers.downsample, input.get_desc(),
-                               AnyLayout(layers.downsample->outputs, h_, w_),
+                               BlockLayout(layers.downsample->outputs),
                                SamePadding(*layers.downsample, false, false));
       Reserve(*block.downsample);
       block.result = MakeBuffer(block.downsample->destination_desc());
@@ -204,6 +209,11 @@ class SizedBackbone {
                         SamePadding(layers.conv2, true, true));
     Reserve(*block.conv1);
     Reserve(*block.conv2);
+  }
+
+  // Of a block's map. For bf16 oneDNN would choose layouts that it has no products of tiles for.
+  memory::desc BlockLayout(int channels) const {
+    return DenseDesc({1, channels, h_, w_}, type_ == Type::f32 ? Tag::any : Tag::nhwc, type_);
   }
 
   memory MakeBuffer(const memory::desc& desc) {
@@ -225,6 +235,7 @@ class SizedBackbone {
     return map;
   }
 
+  const memory::data_type type_;
   const int height_;
   const int width_;
   const int threads_;
@@ -240,6 +251,7 @@ class SizedBackbone {
   dnnl::pooling_forward pool_;
   memory::desc pool_scratch_;
   memory pooled_;
+  memory input_;  // of the blocks: pooled_ as type_
   std::vector<BlockPrimitives> blocks_;
 };
 
@@ -275,8 +287,9 @@ std::vector<float> TpsBasis(RadialSpacing spacing) {
 
 double DisplacementGain() { return 2 * HalfWidth() / kBoxScale; }
 
-Backbone::Backbone(std::shared_ptr<const DealWeights> weights)
+Backbone::Backbone(std::shared_ptr<const DealWeights> weights, Type type)
     : weights_(std::move(weights)),
+      type_(type),
       pool_(kIdleBytes, [](const SizedBackbone& network) { return network.bytes(); }) {}
 
 Backbone::~Backbone() = default;
@@ -286,21 +299,28 @@ FeatureMap Backbone::Run(const GreyImage& image, int threads) const {
   const auto network = pool_.Take(
       [&](const SizedBackbone& idle) { return idle.Fits(image.height, image.width, threads); },
       [&] {
-        return std::make_unique<SizedBackbone>(*weights_, image.height, image.width, threads);
+        return std::make_unique<SizedBackbone>(*weights_, type_, image.height, image.width,
+                                               threads);
       });
   return network->Run(image);
 }
 
-LocalizationNet::LocalizationNet(const DealWeights& weights) {
+LocalizationNet::LocalizationNet(const DealWeights& weights, Type type) : type_(type) {
   const ScopedPrimitiveThreads one(1);
   for (std::size_t i = 0; i < kLayers; ++i) {
     const LinearLayer& layer = weights.localization[i];
     const Activation after = i + 1 < kLayers ? Activation::kRelu : Activation::kTanh;
     large_.emplace_back(
-        ProductPrimitive::Shape{0, static_cast<int>(kLargeBatch), layer.inputs, layer.outputs},
+        ProductPrimitive::Shape{0, static_cast<int>(kLargeBatch), layer.inputs, layer.outputs,
+                                LayerType(i), LayerType(i + 1)},
         layer.weight, /*transposed=*/true, layer.bias, after);
     small_.emplace_back(large_.back(), static_cast<int>(kSmallBatch));
   }
+}
+
+// The last layer's weights, which end in the inverse of the spline's matrix, cancel each other out.
+dnnl::memory::data_type LocalizationNet::LayerType(std::size_t layer) const {
+  return layer + 1 < kLayers ? type_ : Type::f32;
 }
 
 std::unique_ptr<LocalizationNet::Worker> LocalizationNet::MakeWorker() const {
@@ -316,8 +336,11 @@ std::unique_ptr<LocalizationNet::Worker> LocalizationNet::MakeWorker() const {
   return worker;
 }
 
-void LocalizationNet::Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
-                             float* samples) {
+namespace {
+
+template <typename Value>
+void SampleMap(const FeatureMap& map, std::span<const Keypoint> keypoints,
+               void (*sample)(const float*, int, int, int, float, float, Value*), Value* samples) {
   // Keypoint to cell: the corner pixels' centres lie on the corner cells.
   const auto scale = [](int cells, int pixels) {
     return pixels > 1 ? static_cast<float>(cells - 1) / static_cast<float>(pixels - 1) : 0.0F;
@@ -325,10 +348,17 @@ void LocalizationNet::Sample(const FeatureMap& map, std::span<const Keypoint> ke
   const float x_scale = scale(map.width, map.image_width);
   const float y_scale = scale(map.height, map.image_height);
   for (const Keypoint& point : keypoints) {
-    BestKernels().sample_features(map.values.data(), map.height, map.width, map.channels,
-                                  point.x * x_scale, point.y * y_scale, samples);
+    sample(map.values.data(), map.height, map.width, map.channels, point.x * x_scale,
+           point.y * y_scale, samples);
     samples += kNeighbours * kNeighbours * map.channels;
   }
+}
+
+}  // namespace
+
+void LocalizationNet::Sample(const FeatureMap& map, std::span<const Keypoint> keypoints,
+                             float* samples) {
+  SampleMap(map, keypoints, BestKernels().sample_features, samples);
 }
 
 std::vector<float> LocalizationNet::Theta(const FeatureMap& map,
@@ -345,7 +375,14 @@ std::vector<float> LocalizationNet::Theta(const FeatureMap& map,
         pool_.Take([](const Worker&) { return true; }, [&] { return MakeWorker(); });
     const std::size_t first = i < whole ? i * kLargeBatch : rest_from + (i - whole) * kSmallBatch;
     const std::size_t batch = std::min(i < whole ? kLargeBatch : kSmallBatch, count - first);
-    Sample(map, keypoints.subspan(first, batch), worker->values[0].data());
+    const std::span<const Keypoint> points = keypoints.subspan(first, batch);
+    float* const samples = worker->values[0].data();
+    if (type_ == Type::f32) {
+      Sample(map, points, samples);
+    } else {
+      SampleMap(map, points, BestKernels().sample_features_bfloat16,
+                reinterpret_cast<std::uint16_t*>(samples));
+    }
     const std::vector<ProductPrimitive>& mlp = batch > kSmallBatch ? large_ : small_;
     for (std::size_t layer = 0; layer < kLayers; ++layer) {
       mlp[layer].Run(worker->stream, worker->values[layer].data(), worker->values[layer + 1].data(),
@@ -364,11 +401,11 @@ DealNetwork::Worker::Worker(const DealNetwork& network)
       shifts(kBatch * kShiftValues),
       scratch(network.warp_.scratch_bytes() / sizeof(float) + 1) {}
 
-DealNetwork::DealNetwork(DealWeights weights)
+DealNetwork::DealNetwork(DealWeights weights, Type type)
     : weights_(std::make_shared<const DealWeights>(std::move(weights))),
-      backbone_(weights_),
-      localization_(*weights_),
-      hardnet_(*weights_),
+      backbone_(weights_, type),
+      localization_(*weights_, type),
+      hardnet_(*weights_, type),
       warp_(WarpProduct(weights_->radial_spacing)),
       grid_(UnitPolarGrid(weights_->radial_spacing)) {}
 

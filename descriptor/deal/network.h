@@ -67,16 +67,17 @@ struct FeatureMap {
 class SizedBackbone;  // for one size of image and one number of threads
 
 // Thread-safe: each call has its own primitives and buffers, which later calls reuse for images
-// of the same size.
+// of the same size. `type`, here and below: of maps and weights in between, f32 or bf16.
 class Backbone {
  public:
-  explicit Backbone(std::shared_ptr<const DealWeights> weights);
+  Backbone(std::shared_ptr<const DealWeights> weights, dnnl::memory::data_type type);
   ~Backbone();
 
   FeatureMap Run(const GreyImage& image, int threads) const;
 
  private:
   std::shared_ptr<const DealWeights> weights_;
+  dnnl::memory::data_type type_;
   mutable Pool<SizedBackbone> pool_;
 };
 
@@ -88,7 +89,7 @@ inline constexpr std::size_t kIdleWorkers = 64;  // kept for later calls
 // Immutable and thread-safe.
 class LocalizationNet {
  public:
-  explicit LocalizationNet(const DealWeights& weights);
+  LocalizationNet(const DealWeights& weights, dnnl::memory::data_type type);
 
   // The network's input, keypoints.size() x 25 x channels: rows of the neighbourhood slowest,
   // channels fastest. Image pixel x lies at cell x (w - 1) / (W - 1).
@@ -100,14 +101,16 @@ class LocalizationNet {
 
  private:
   static constexpr std::size_t kLayers = 4;
-  // Buffers of one thread: the input of each layer and the last one's result.
+  // Buffers of one thread: the input of each layer, of its type, and the last one's result.
   struct Worker {
     std::array<AlignedFloats, kLayers + 1> values;
     AlignedFloats scratch;
     dnnl::stream stream{CpuEngine()};
   };
   std::unique_ptr<Worker> MakeWorker() const;
+  dnnl::memory::data_type LayerType(std::size_t layer) const;  // of its input and weights
 
+  dnnl::memory::data_type type_;
   std::vector<ProductPrimitive> large_, small_;  // kLayers of them, for one batch size each
   mutable Pool<Worker> pool_{kIdleWorkers};
 };
@@ -121,7 +124,7 @@ inline constexpr std::array<float, 3> kPooledSupports = {0.72F, 1.0F, 1.39F};
 // Immutable and thread-safe. `threads` counts threads, at least 1.
 class DealNetwork {
  public:
-  explicit DealNetwork(DealWeights weights);
+  explicit DealNetwork(DealWeights weights, dnnl::memory::data_type type = FastestType());
 
   const DealWeights& weights() const { return *weights_; }
   std::size_t dim() const { return hardnet_.dim(); }  // of a descriptor

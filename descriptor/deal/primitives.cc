@@ -2,10 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/deal/primitives.h"
 
-#include <cstring>
-#include <new>
-#include <unordered_map>
-#include <utility>
 
 namespace pliant::deal {
 namespace {
@@ -13,15 +9,11 @@ namespace {
 using dnnl::memory;
 using Tag = memory::format_tag;
 
-constexpr std::align_val_t kAlignment{64};
-
-void Execute(const dnnl::primitive& primitive, const dnnl::stream& stream,
-             const memory::desc& scratch_desc, void* scratch,
-             std::unordered_map<int, memory> arguments) {
-  if (scratch_desc.get_size() > 0) {
-    arguments.emplace(DNNL_ARG_SCRATCHPAD, memory(scratch_desc, CpuEngine(), scratch));
+void AddScratch(const memory::desc& desc, void* scratch,
+                std::unordered_map<int, memory>* arguments) {
+  if (desc.get_size() > 0) {
+    arguments->emplace(DNNL_ARG_SCRATCHPAD, memory(desc, CpuEngine(), scratch));
   }
-  primitive.execute(stream, arguments);
 }
 
 }  // namespace
@@ -37,8 +29,14 @@ dnnl::primitive_attr ScratchByCaller() {
   return attributes;
 }
 
-memory::desc DenseDesc(const memory::dims& dims, Tag tag) {
-  return {dims, memory::data_type::f32, tag};
+memory::data_type FastestType() {
+  constexpr auto kTiles = static_cast<unsigned>(dnnl::cpu_isa::avx512_core_amx);
+  const auto usable = static_cast<unsigned>(dnnl::get_effective_cpu_isa());
+  return (usable & kTiles) == kTiles ? memory::data_type::bf16 : memory::data_type::f32;
+}
+
+memory::desc DenseDesc(const memory::dims& dims, Tag tag, memory::data_type type) {
+  return {dims, type, tag};
 }
 
 memory Reordered(std::span<const float> values, const memory::desc& from, const memory::desc& to) {
@@ -63,20 +61,21 @@ ConvPrimitive::ConvPrimitive(const ConvLayer& layer, const memory::desc& source,
   attributes.set_post_ops(after);
   const memory::dims strides = {layer.stride, layer.stride};
   description_ = onednn::MakeConvolution(
-      CpuEngine(), source, DenseDesc(weight_dims, Tag::any), bias_desc, destination, strides,
-      {options.pad_top, options.pad_left}, {options.pad_bottom, options.pad_right}, attributes);
+      CpuEngine(), source, DenseDesc(weight_dims, Tag::any, onednn::TypeOf(source)), bias_desc,
+      destination, strides,      {options.pad_top, options.pad_left}, {options.pad_bottom, options.pad_right}, attributes);
   primitive_ = dnnl::convolution_forward(description_);
   weight_ = Reordered(layer.weight, DenseDesc(weight_dims, Tag::oihw), description_.weights_desc());
   bias_ = Reordered(layer.bias, bias_desc, bias_desc);
 }
 
-void ConvPrimitive::Run(const dnnl::stream& stream, const memory& source, const memory& destination,
-                        void* scratch) const {
-  Execute(primitive_, stream, description_.scratchpad_desc(), scratch,
-          {{DNNL_ARG_SRC, source},
-           {DNNL_ARG_WEIGHTS, weight_},
-           {DNNL_ARG_BIAS, bias_},
-           {DNNL_ARG_DST, destination}});
+ConvPrimitive::Arguments ConvPrimitive::Bind(void* source, void* destination, void* scratch) const {
+  Arguments arguments = {
+      {DNNL_ARG_SRC, memory(description_.src_desc(), CpuEngine(), source)},
+      {DNNL_ARG_WEIGHTS, weight_},
+      {DNNL_ARG_BIAS, bias_},
+      {DNNL_ARG_DST, memory(description_.dst_desc(), CpuEngine(), destination)}};
+  AddScratch(description_.scratchpad_desc(), scratch, &arguments);
+  return arguments;
 }
 
 ProductPrimitive::ProductPrimitive(const Shape& shape, std::span<const float> weight,
@@ -86,7 +85,7 @@ ProductPrimitive::ProductPrimitive(const Shape& shape, std::span<const float> we
   const memory::dims weight_dims = shape.batch > 0
                                        ? memory::dims{shape.batch, shape.inner, shape.columns}
                                        : memory::dims{shape.inner, shape.columns};
-  Create(DenseDesc(weight_dims, Tag::any));
+  Create(DenseDesc(weight_dims, Tag::any, shape.source));
   const Tag tag =
       shape.batch > 0 ? (transposed ? Tag::acb : Tag::abc) : (transposed ? Tag::ba : Tag::ab);
   weight_ = Reordered(weight, DenseDesc(weight_dims, tag), description_.weights_desc());
@@ -120,34 +119,26 @@ void ProductPrimitive::Create(const memory::desc& weight_desc) {
   const memory::desc source =
       DenseDesc(batched ? memory::dims{shape_.batch, shape_.rows, shape_.inner}
                         : memory::dims{shape_.rows, shape_.inner},
-                tag);
+                tag, shape_.source);
   const memory::desc destination =
       DenseDesc(batched ? memory::dims{shape_.batch, shape_.rows, shape_.columns}
                         : memory::dims{shape_.rows, shape_.columns},
-                tag);
+                tag, shape_.destination);
   const memory::desc bias = has_bias_ ? DenseDesc({1, shape_.columns}, Tag::ab) : memory::desc();
   description_ =
       onednn::MakeProduct(CpuEngine(), source, weight_desc, bias, destination, attributes);
   primitive_ = dnnl::matmul(description_);
 }
 
-void ProductPrimitive::Run(const dnnl::stream& stream, const float* source, float* destination,
+void ProductPrimitive::Run(const dnnl::stream& stream, const void* source, void* destination,
                            void* scratch) const {
   std::unordered_map<int, memory> arguments = {
-      {DNNL_ARG_SRC, memory(description_.src_desc(), CpuEngine(), const_cast<float*>(source))},
+      {DNNL_ARG_SRC, memory(description_.src_desc(), CpuEngine(), const_cast<void*>(source))},
       {DNNL_ARG_WEIGHTS, weight_},
       {DNNL_ARG_DST, memory(description_.dst_desc(), CpuEngine(), destination)}};
   if (has_bias_) arguments.emplace(DNNL_ARG_BIAS, bias_);
-  Execute(primitive_, stream, description_.scratchpad_desc(), scratch, std::move(arguments));
-}
-
-AlignedFloats::AlignedFloats(std::size_t count)
-    : data_(static_cast<float*>(::operator new(count * sizeof(float), kAlignment))), count_(count) {
-  std::memset(data_.get(), 0, count * sizeof(float));
-}
-
-void AlignedFloats::Free::operator()(float* data) const noexcept {
-  ::operator delete(data, kAlignment);
+  AddScratch(description_.scratchpad_desc(), scratch, &arguments);
+  primitive_.execute(stream, arguments);
 }
 
 }  // namespace pliant::deal

@@ -6,13 +6,16 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstring>
 #include <deque>
 #include <functional>
 #include <iterator>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <span>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -30,6 +33,14 @@ namespace onednn {
 
 using Desc = dnnl::memory::desc;
 using Dims = dnnl::memory::dims;
+
+inline dnnl::memory::data_type TypeOf(const Desc& desc) {
+#if DNNL_VERSION_MAJOR >= 3
+  return desc.get_data_type();
+#else
+  return desc.data_type();
+#endif
+}
 
 inline void AppendActivation(dnnl::post_ops& after, dnnl::algorithm activation) {
 #if DNNL_VERSION_MAJOR >= 3
@@ -96,7 +107,12 @@ const dnnl::engine& CpuEngine();
 // The caller gives the scratch memory of each run.
 dnnl::primitive_attr ScratchByCaller();
 
-dnnl::memory::desc DenseDesc(const dnnl::memory::dims& dims, dnnl::memory::format_tag tag);
+// In what type the networks' maps and weights are fastest: bf16 where the processor multiplies tiles
+// of it (AMX), else f32.
+dnnl::memory::data_type FastestType();
+
+dnnl::memory::desc DenseDesc(const dnnl::memory::dims& dims, dnnl::memory::format_tag tag,
+                             dnnl::memory::data_type type = dnnl::memory::data_type::f32);
 
 // Copies values in layout `from` into new memory of layout `to`.
 dnnl::memory Reordered(std::span<const float> values, const dnnl::memory::desc& from,
@@ -112,19 +128,23 @@ struct ConvOptions {
   int pad_right = 0;
 };
 
-// One layer for one input shape. Immutable, so it may be run by several threads at once, each with
+// One layer for one input shape, with weights of the source's type. Immutable, so it may be run by several threads at once, each with
 // its own memory and scratch.
 class ConvPrimitive {
  public:
   ConvPrimitive(const ConvLayer& layer, const dnnl::memory::desc& source,
                 const dnnl::memory::desc& destination, const ConvOptions& options);
 
-  dnnl::memory::desc source_desc() const { return description_.src_desc(); }
   dnnl::memory::desc destination_desc() const { return description_.dst_desc(); }
   std::size_t scratch_bytes() const { return description_.scratchpad_desc().get_size(); }
 
-  void Run(const dnnl::stream& stream, const dnnl::memory& source, const dnnl::memory& destination,
-           void* scratch) const;
+  // What to run it on. Making these costs as much as a small layer.
+  using Arguments = std::unordered_map<int, dnnl::memory>;
+  Arguments Bind(void* source, void* destination, void* scratch) const;
+
+  void Run(const dnnl::stream& stream, const Arguments& arguments) const {
+    primitive_.execute(stream, arguments);
+  }
 
  private:
   dnnl::convolution_forward::primitive_desc description_;
@@ -144,6 +164,9 @@ class ProductPrimitive {
     int rows = 0;     // M
     int inner = 0;    // K
     int columns = 0;  // N
+    // Of source and weight, and of the destination.
+    dnnl::memory::data_type source = dnnl::memory::data_type::f32;
+    dnnl::memory::data_type destination = dnnl::memory::data_type::f32;
   };
 
   // `weight` is K x N row-major, or N x K when `transposed`; `bias` N values or empty.
@@ -155,8 +178,7 @@ class ProductPrimitive {
   std::size_t scratch_bytes() const { return description_.scratchpad_desc().get_size(); }
   const Shape& shape() const { return shape_; }
 
-  void Run(const dnnl::stream& stream, const float* source, float* destination,
-           void* scratch) const;
+  void Run(const dnnl::stream& stream, const void* source, void* destination, void* scratch) const;
 
  private:
   void Create(const dnnl::memory::desc& weight_desc);
@@ -170,22 +192,29 @@ class ProductPrimitive {
   dnnl::memory bias_;
 };
 
-// 64-byte aligned floats, zero at first.
-class AlignedFloats {
+// 64-byte aligned values, zero at first.
+template <typename Value>
+class AlignedArray {
  public:
-  AlignedFloats() = default;
-  explicit AlignedFloats(std::size_t count);
+  AlignedArray() = default;
+  explicit AlignedArray(std::size_t count)
+      : data_(static_cast<Value*>(::operator new(count * sizeof(Value), kAlignment))),
+        count_(count) {
+    std::memset(data_.get(), 0, count * sizeof(Value));
+  }
 
-  float* data() const { return data_.get(); }
+  Value* data() const { return data_.get(); }
   std::size_t size() const { return count_; }
 
  private:
+  static constexpr std::align_val_t kAlignment{64};
   struct Free {
-    void operator()(float* data) const noexcept;
+    void operator()(Value* data) const noexcept { ::operator delete(data, kAlignment); }
   };
-  std::unique_ptr<float, Free> data_;
+  std::unique_ptr<Value, Free> data_;
   std::size_t count_ = 0;
 };
+using AlignedFloats = AlignedArray<float>;
 
 // Sets how many threads oneDNN's primitives use when they are created or run by this thread.
 class ScopedPrimitiveThreads {

@@ -321,10 +321,6 @@ class TileSearch {
     }
   }
 
-  float Difference(int layer, int x, int y) const {
-    return Row(layer + 1, y)[x] - Row(layer, y)[x];
-  }
-
   // To the extremum of a quadratic function through the neighbours (Brown and Lowe 2002). Absent
   // where there is none nearby, where the contrast is low, and on edges. x is in the tile's rows.
   std::optional<Candidate> Refine(int layer, const int from_x, const int from_y) const {
@@ -333,8 +329,12 @@ class TileSearch {
     int x = from_x;
     int y = from_y;
     for (int step = 0; step < kSteps; ++step) {
+      std::array<std::array<const float*, 3>, 4> rows;  // of four levels: three differences
+      for (int i = 0; i < 4; ++i) {
+        for (int j = 0; j < 3; ++j) rows[i][j] = Row(layer - 1 + i, y - 1 + j) + x;
+      }
       const auto at = [&](int right, int down, int up) {
-        return Difference(layer + up, x + right, y + down);
+        return rows[up + 2][down + 1][right] - rows[up + 1][down + 1][right];
       };
       const float centre = at(0, 0, 0);
       const std::array<float, 3> slope = {(at(1, 0, 0) - at(-1, 0, 0)) * kFirst,

@@ -10,6 +10,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -26,12 +27,14 @@ inline std::filesystem::path ModelPath(const std::string& name = "deal") {
   return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model" / (name + ".safetensors");
 }
 
-// One network of each model for all tests of a program.
-inline const DealNetwork& SharedNetwork(const std::string& name = "deal") {
-  static std::map<std::string, DealNetwork> networks;
-  const auto found = networks.find(name);
+// One network of each model and type for all tests of a program.
+inline const DealNetwork& SharedNetwork(const std::string& name = "deal",
+                                        dnnl::memory::data_type type = FastestType()) {
+  static std::map<std::pair<std::string, dnnl::memory::data_type>, DealNetwork> networks;
+  const auto key = std::pair(name, type);
+  const auto found = networks.find(key);
   if (found != networks.end()) return found->second;
-  return networks.try_emplace(name, LoadDealWeights(ModelPath(name))).first->second;
+  return networks.try_emplace(key, LoadDealWeights(ModelPath(name)), type).first->second;
 }
 
 struct Golden {

@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hand-written kernels of every instruction set against plain loops.
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <random>
 
-#include "descriptor/deal/hardnet.h"
+#include "descriptor/deal/hardnet_body.h"
 #include "descriptor/deal/kernels.h"
 #include "descriptor/deal/primitives.h"
 #include "tests/unit/deal_golden.h"
@@ -55,6 +57,17 @@ ConvLayer RandomLayer(int inputs, int outputs) {
   layer.weight = Random(static_cast<std::size_t>(inputs * outputs) * 9, kSeed + 2);
   layer.bias = Random(static_cast<std::size_t>(outputs), kSeed + 3);
   return layer;
+}
+
+// The upper halves of floats, to nearest; halfway to even.
+std::vector<std::uint16_t> ToBfloat16(const std::vector<float>& values) {
+  std::vector<std::uint16_t> narrow;
+  for (const float value : values) {
+    const double step = std::ldexp(1.0, std::max(std::ilogb(value), -126) - 7);
+    const auto rounded = static_cast<float>(std::nearbyint(value / step) * step);
+    narrow.push_back(static_cast<std::uint16_t>(std::bit_cast<std::uint32_t>(rounded) >> 16));
+  }
+  return narrow;
 }
 
 class DealKernelsTest : public ::testing::TestWithParam<const Kernels*> {};
@@ -122,6 +135,10 @@ TEST_P(DealKernelsTest, FirstConvolutionAndStandardize) {
       std::vector<float> out(side * side * outputs);
       GetParam()->first_conv(framed.data(), channels, stride, taps_first.data(), layer.bias.data(),
                              out.data());
+      std::vector<std::uint16_t> narrow(out.size());
+      GetParam()->first_conv_bfloat16(framed.data(), channels, stride, taps_first.data(),
+                                      layer.bias.data(), narrow.data());
+      EXPECT_EQ(narrow, ToBfloat16(out));
       for (std::size_t i = 0; i < out.size(); ++i) {
         const std::size_t pixel = i / outputs;
         const std::size_t at = (pixel / side * kPatchSide + pixel % side) * stride;
@@ -145,6 +162,10 @@ TEST_P(DealKernelsTest, SamplersAgreeWithTheBaseline) {
     GetParam()->sample_features(map.data(), kHeight, kWidth, kChannels, at, 1.5F, a.data());
     baseline.sample_features(map.data(), kHeight, kWidth, kChannels, at, 1.5F, b.data());
     ExpectNear(a, b, 1e-5, "features");
+    std::vector<std::uint16_t> narrow(a.size());
+    GetParam()->sample_features_bfloat16(map.data(), kHeight, kWidth, kChannels, at, 1.5F,
+                                         narrow.data());
+    EXPECT_EQ(narrow, ToBfloat16(a));
     a.resize(kPatchPixels);
     b.resize(kPatchPixels);
     GetParam()->sample_patch(image.data(), kHeight, kWidth, at, 4, 3, grid.data(), nullptr,
