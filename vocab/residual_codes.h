@@ -31,7 +31,8 @@ namespace pliant {
 // Deterministic, for any number of threads (0 = all cores). For binary descriptors only the size is
 // set. Throws kInvalidArgument "code_bytes_invalid", "no_samples".
 Codebook TrainCodebook(const Descriptors& samples, std::span<const std::uint32_t> assignment,
-                       const Descriptors& words, int bytes, std::uint64_t seed = 1, int threads = 0);
+                       const Descriptors& words, int bytes, std::uint64_t seed = 1,
+                       int threads = 0);
 
 // Throws kInvalidArgument "codebook_malformed" for contradictory sizes or values that are not
 // finite.

@@ -176,8 +176,8 @@ class SizedBackbone {
     h_ = Strided(h_, 2);
     w_ = Strided(w_, 2);
     const dnnl::pooling_forward::primitive_desc description = onednn::MakeMaxPooling(
-        CpuEngine(), stem_->destination_desc(), DenseDesc({1, stem.outputs, h_, w_}, Tag::any), {2, 2}, {3, 3},
-        {1, 1}, {1, 1}, ScratchByCaller());
+        CpuEngine(), stem_->destination_desc(), DenseDesc({1, stem.outputs, h_, w_}, Tag::any),
+        {2, 2}, {3, 3}, {1, 1}, {1, 1}, ScratchByCaller());
     pool_ = dnnl::pooling_forward(description);
     pool_scratch_ = description.scratchpad_desc();
     scratch_bytes_ = std::max(scratch_bytes_, pool_scratch_.get_size());
@@ -310,10 +310,9 @@ LocalizationNet::LocalizationNet(const DealWeights& weights, Type type) : type_(
   for (std::size_t i = 0; i < kLayers; ++i) {
     const LinearLayer& layer = weights.localization[i];
     const Activation after = i + 1 < kLayers ? Activation::kRelu : Activation::kTanh;
-    large_.emplace_back(
-        ProductPrimitive::Shape{0, static_cast<int>(kLargeBatch), layer.inputs, layer.outputs,
-                                LayerType(i), LayerType(i + 1)},
-        layer.weight, /*transposed=*/true, layer.bias, after);
+    large_.emplace_back(ProductPrimitive::Shape{0, static_cast<int>(kLargeBatch), layer.inputs,
+                                                layer.outputs, LayerType(i), LayerType(i + 1)},
+                        layer.weight, /*transposed=*/true, layer.bias, after);
     small_.emplace_back(large_.back(), static_cast<int>(kSmallBatch));
   }
 }

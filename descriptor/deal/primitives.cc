@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/deal/primitives.h"
 
-
 namespace pliant::deal {
 namespace {
 
@@ -62,18 +61,18 @@ ConvPrimitive::ConvPrimitive(const ConvLayer& layer, const memory::desc& source,
   const memory::dims strides = {layer.stride, layer.stride};
   description_ = onednn::MakeConvolution(
       CpuEngine(), source, DenseDesc(weight_dims, Tag::any, onednn::TypeOf(source)), bias_desc,
-      destination, strides,      {options.pad_top, options.pad_left}, {options.pad_bottom, options.pad_right}, attributes);
+      destination, strides, {options.pad_top, options.pad_left},
+      {options.pad_bottom, options.pad_right}, attributes);
   primitive_ = dnnl::convolution_forward(description_);
   weight_ = Reordered(layer.weight, DenseDesc(weight_dims, Tag::oihw), description_.weights_desc());
   bias_ = Reordered(layer.bias, bias_desc, bias_desc);
 }
 
 ConvPrimitive::Arguments ConvPrimitive::Bind(void* source, void* destination, void* scratch) const {
-  Arguments arguments = {
-      {DNNL_ARG_SRC, memory(description_.src_desc(), CpuEngine(), source)},
-      {DNNL_ARG_WEIGHTS, weight_},
-      {DNNL_ARG_BIAS, bias_},
-      {DNNL_ARG_DST, memory(description_.dst_desc(), CpuEngine(), destination)}};
+  Arguments arguments = {{DNNL_ARG_SRC, memory(description_.src_desc(), CpuEngine(), source)},
+                         {DNNL_ARG_WEIGHTS, weight_},
+                         {DNNL_ARG_BIAS, bias_},
+                         {DNNL_ARG_DST, memory(description_.dst_desc(), CpuEngine(), destination)}};
   AddScratch(description_.scratchpad_desc(), scratch, &arguments);
   return arguments;
 }

@@ -107,8 +107,8 @@ const dnnl::engine& CpuEngine();
 // The caller gives the scratch memory of each run.
 dnnl::primitive_attr ScratchByCaller();
 
-// In what type the networks' maps and weights are fastest: bf16 where the processor multiplies tiles
-// of it (AMX), else f32.
+// In what type the networks' maps and weights are fastest: bf16 where the processor multiplies
+// tiles of it (AMX), else f32.
 dnnl::memory::data_type FastestType();
 
 dnnl::memory::desc DenseDesc(const dnnl::memory::dims& dims, dnnl::memory::format_tag tag,
@@ -128,8 +128,8 @@ struct ConvOptions {
   int pad_right = 0;
 };
 
-// One layer for one input shape, with weights of the source's type. Immutable, so it may be run by several threads at once, each with
-// its own memory and scratch.
+// One layer for one input shape, with weights of the source's type. Immutable, so it may be run by
+// several threads at once, each with its own memory and scratch.
 class ConvPrimitive {
  public:
   ConvPrimitive(const ConvLayer& layer, const dnnl::memory::desc& source,

@@ -119,9 +119,7 @@ std::unique_ptr<HardNetBody::Worker> WinogradBody::MakeWorker() const {
 }
 
 WinogradBody::WinogradWorker::WinogradWorker(const WinogradBody& net)
-    : net_(net),
-      framed_(kFramedPixels),
-      scratch_(net.scratch_bytes() / sizeof(float) + 1) {
+    : net_(net), framed_(kFramedPixels), scratch_(net.scratch_bytes() / sizeof(float) + 1) {
   std::size_t tiles = 0;
   std::size_t products = 0;
   const Stage& last = net.stages_.back();
@@ -148,8 +146,9 @@ void WinogradBody::WinogradWorker::Run(const float* patches, std::size_t count, 
         const std::size_t together = std::min(layer.patches(), group - p);
         float* const input = inputs_[stage].data();
         if (stage == 0) RunFirst(patches + (first + p) * kPatchPixels, together);
-        MultiplyTiles(stage, stage == 0 ? input : input + p * MapSize(layer.side, layer.side, layer.inputs),
-                      together);
+        MultiplyTiles(
+            stage, stage == 0 ? input : input + p * MapSize(layer.side, layer.side, layer.inputs),
+            together);
         WriteWrapped(stage, p, together);
       }
       float* to = inputs_[stage + 1].data();
@@ -168,7 +167,8 @@ void WinogradBody::WinogradWorker::Run(const float* patches, std::size_t count, 
 }
 
 void WinogradBody::WinogradWorker::RunFirst(const float* patches, std::size_t count) {
-  const std::size_t size = MapSize(kPatchSide / net_.first_.stride, kPatchSide / net_.first_.stride, net_.first_.channels);
+  const std::size_t size = MapSize(kPatchSide / net_.first_.stride, kPatchSide / net_.first_.stride,
+                                   net_.first_.channels);
   for (std::size_t p = 0; p < count; ++p) {
     kernels_.standardize(patches + p * kPatchPixels, framed_.data());
     kernels_.first_conv(framed_.data(), net_.first_.channels, net_.first_.stride,
@@ -177,18 +177,21 @@ void WinogradBody::WinogradWorker::RunFirst(const float* patches, std::size_t co
   }
 }
 
-void WinogradBody::WinogradWorker::MultiplyTiles(std::size_t stage, const float* from, std::size_t count) {
+void WinogradBody::WinogradWorker::MultiplyTiles(std::size_t stage, const float* from,
+                                                 std::size_t count) {
   const Stage& layer = net_.stages_[stage];
   const auto inputs = static_cast<std::size_t>(layer.inputs);
   for (std::size_t p = 0; p < count; ++p) {
-    kernels_.winograd_input(from + p * MapSize(layer.side, layer.side, layer.inputs), layer.side, layer.inputs,
-                            layer.plane(layer.inputs), tiles_.data() + p * layer.tiles() * inputs);
+    kernels_.winograd_input(from + p * MapSize(layer.side, layer.side, layer.inputs), layer.side,
+                            layer.inputs, layer.plane(layer.inputs),
+                            tiles_.data() + p * layer.tiles() * inputs);
   }
   layer.product.Run(stream_, tiles_.data(), products_.data(), scratch_.data());
 }
 
 // Each map goes below its row 0, which takes a copy of the last row.
-void WinogradBody::WinogradWorker::WriteWrapped(std::size_t stage, std::size_t first, std::size_t count) {
+void WinogradBody::WinogradWorker::WriteWrapped(std::size_t stage, std::size_t first,
+                                                std::size_t count) {
   const Stage& layer = net_.stages_[stage];
   const auto outputs = static_cast<std::size_t>(layer.outputs);
   const std::size_t row = static_cast<std::size_t>(layer.side) * outputs;
@@ -198,7 +201,8 @@ void WinogradBody::WinogradWorker::WriteWrapped(std::size_t stage, std::size_t f
     kernels_.winograd_output(products_.data() + p * layer.tiles() * outputs, layer.side,
                              layer.outputs, layer.plane(layer.outputs), layer.bias.data(),
                              wrapped + row);
-    std::memcpy(wrapped, wrapped + MapSize(layer.side, layer.side, layer.outputs), row * sizeof(float));
+    std::memcpy(wrapped, wrapped + MapSize(layer.side, layer.side, layer.outputs),
+                row * sizeof(float));
   }
 }
 

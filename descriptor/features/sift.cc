@@ -305,7 +305,8 @@ class TileSearch {
     for (int i = 0; i < kLevels; ++i) {
       rows[static_cast<std::size_t>(i)] = {Row(i, y - 1), Row(i, y), Row(i, y + 1)};
     }
-    // Half of what refined ones need. OpenCV rounds it down, which lets only more candidates through.
+    // Half of what refined ones need. OpenCV rounds it down, which lets only more candidates
+    // through.
     const auto threshold = static_cast<float>(0.5 * contrast_ / kLayers * 255);
     BestKernels().find_extrema(rows, threshold, RoundUp(width_), stride_, scratch_.get(),
                                bits_.data());

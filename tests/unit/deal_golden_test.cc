@@ -65,8 +65,7 @@ TEST_P(DealGoldenTest, Backbone) {
   const FeatureMap map = network_.backbone().Run(DealNetwork::ToImage(golden_.image), kThreads);
   const std::vector<std::int64_t> shape = {map.channels, map.height, map.width};
   EXPECT_EQ(shape, golden_.tensors.tensors().at("backbone").shape);
-  ExpectNear(ChannelsFirst(map), golden_.tensors.Floats("backbone"), Tolerance(0.2),
-             "backbone");
+  ExpectNear(ChannelsFirst(map), golden_.tensors.Floats("backbone"), Tolerance(0.2), "backbone");
 }
 
 TEST_P(DealGoldenTest, FeatureSamplerAndLocalization) {
