@@ -12,7 +12,7 @@
 
 namespace pliant {
 
-inline constexpr std::size_t kMaxWords = 65'536;
+inline constexpr std::size_t kMaxWords = 262'144;
 inline constexpr std::size_t kMaxVocabularySamples = 4'000'000;
 
 struct VocabularyOrigin {

@@ -14,10 +14,10 @@ namespace pliant {
 
 // Size of the training sample for a collection with this many descriptors, ten times the number of
 // words. 4000 words up to four million descriptors; above, one word per 1000 descriptors, at most
-// 65 536. So the words' lists keep their length as the collection grows, and ranking by neighbours
+// 262 144. So the words' lists keep their length as the collection grows, and ranking by neighbours
 // its time. Smaller collections use all descriptors.
 constexpr std::uint64_t DefaultVocabularySample(std::uint64_t descriptors) {
-  return std::clamp<std::uint64_t>(descriptors / 100, 40'000, 655'360);
+  return std::clamp<std::uint64_t>(descriptors / 100, 40'000, 2'621'440);
 }
 
 // An automatic vocabulary trained from at least this many descriptors is replaced only when the new

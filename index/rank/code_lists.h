@@ -21,7 +21,7 @@ namespace pliant {
 class CodeLists {
  public:
   using ImageNumber = std::uint16_t;  // in the segment
-  static constexpr std::size_t kMaxImages = 16384;
+  static constexpr std::size_t kMaxImages = 65536;
   static constexpr std::uint32_t kGone = std::numeric_limits<std::uint32_t>::max();
 
   // images[p], at most kMaxImages, is at position p. Each must have a code for each of its

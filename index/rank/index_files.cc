@@ -75,12 +75,16 @@ FileHandle LockFolder(const fs::path& folder) {
   return file;
 }
 
-// Those whose images lie in one file, and can stay there.
+// Those whose images lie in one file.
 bool IsSaved(const Part& part, const fs::path& folder) {
   const fs::path& file = part.segment->file();
   std::error_code error;  // another process can have removed it
   return part.dead_count == 0 && file.parent_path() == folder && fs::exists(file, error);
 }
+
+// A file of fewer images is merged with others once that makes a large one. So an image is written
+// twice, or three times.
+bool IsLarge(std::size_t images) { return images * 2 > IndexSegment::kMaxImages; }
 
 // Parts that become one segment each.
 std::vector<std::vector<Part>> Grouped(std::vector<Part> parts) {
@@ -128,11 +132,19 @@ void IndexFiles::Write(ChangeFeed& feed, Key vocabulary, const IndexSnapshot& sn
   Manifest manifest;
   manifest.at = at;
   std::vector<Part> unsaved;
+  std::vector<Part> saved;
+  std::size_t small = 0;  // images that are not in a large file
   for (const Part& part : snapshot.parts) {
-    if (IsSaved(part, folder_)) {
-      manifest.segments.push_back(part.segment->file().filename().string());
-    } else if (part.alive() > 0) {
+    if (part.alive() == 0) continue;
+    const bool is_saved = IsSaved(part, folder_);
+    (is_saved ? saved : unsaved).push_back(part);
+    if (!is_saved || !IsLarge(part.alive())) small += part.alive();
+  }
+  for (const Part& part : saved) {
+    if (IsLarge(small) && !IsLarge(part.alive())) {
       unsaved.push_back(part);
+    } else {
+      manifest.segments.push_back(part.segment->file().filename().string());
     }
   }
   for (const std::vector<Part>& group : Grouped(std::move(unsaved))) {

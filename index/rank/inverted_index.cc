@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::size_t kFanOut = 8;  // parts of a tier before they are merged
 constexpr std::size_t kTiers = 5;   // 1.., 8.., 64.., 512.., 4096.. images
+constexpr std::size_t kMostAtOnce = InvertedIndex::kMostAtOnce;
 using Part = IndexSnapshot::Part;
 
 std::size_t Tier(std::size_t images) {
@@ -45,13 +46,13 @@ void MergeParts(IndexSnapshot* next) {
     std::vector<Part> group;
     std::size_t alive = 0;
     for (const Part& part : next->parts) {
-      if (Tier(part.alive()) != tier || alive + part.alive() > IndexSegment::kMaxImages) continue;
+      if (Tier(part.alive()) != tier || alive + part.alive() > kMostAtOnce) continue;
       group.push_back(part);
       alive += part.alive();
     }
     const bool top = tier + 1 == kTiers;  // merged as soon as a full segment comes of it
-    const bool enough = top ? group.size() >= 2 && alive * 4 >= IndexSegment::kMaxImages * 3
-                            : group.size() >= kFanOut;
+    const bool enough =
+        top ? group.size() >= 2 && alive * 4 >= kMostAtOnce * 3 : group.size() >= kFanOut;
     if (!enough) continue;
     std::erase_if(next->parts, [&](const Part& part) {
       return std::ranges::find(group, part.segment, &Part::segment) != group.end();
@@ -247,8 +248,8 @@ void InvertedIndex::Exchange(std::span<const std::shared_ptr<const IndexSegment>
 
 void InvertedIndex::AddParts(IndexSnapshot& next, std::vector<IndexedImage> added) {
   std::ranges::sort(added, {}, &IndexedImage::key);
-  for (std::size_t begin = 0; begin < added.size(); begin += IndexSegment::kMaxImages) {
-    const std::size_t count = std::min(added.size() - begin, IndexSegment::kMaxImages);
+  for (std::size_t begin = 0; begin < added.size(); begin += kMostAtOnce) {
+    const std::size_t count = std::min(added.size() - begin, kMostAtOnce);
     Part part;
     part.segment = IndexSegment::Build(std::span<const IndexedImage>(added).subspan(begin, count),
                                        quantizer_->vocabulary().size(), *quantizer_->coder());

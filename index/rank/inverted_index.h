@@ -96,6 +96,10 @@ struct IndexSnapshot {
 // Changes: one thread at a time. snapshot(): any thread.
 class InvertedIndex {
  public:
+  // Images that one change merges, or builds a segment of: it waits for no more. Larger segments,
+  // of which a search has fewer to look into, come from IndexFiles.
+  static constexpr std::size_t kMostAtOnce = 16'384;
+
   // `quantizer`: of the vocabulary, which must have a codebook (kInvalidArgument
   // "codebook_malformed").
   // `snapshot`: what it begins with; of the same vocabulary.

@@ -14,7 +14,7 @@
 namespace pliant {
 
 // Changes that are saved while others are made: a start applies the ones that are not.
-constexpr std::int64_t kSaveEvery = IndexSegment::kMaxImages;
+constexpr std::int64_t kSaveEvery = InvertedIndex::kMostAtOnce;
 
 MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, MemoryRankerOptions options)
     : feed_(std::move(feed)), options_(std::move(options)), loading_(options_.loading) {}
@@ -177,7 +177,7 @@ bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
   if (!removed) return false;
   const FeedPosition at = view.Position();  // may fail, so before the change
   view.ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.image,
-                    IndexSegment::kMaxImages, [&](std::vector<IndexedImage> chunk) {
+                    InvertedIndex::kMostAtOnce, [&](std::vector<IndexedImage> chunk) {
                       loaded.index->Stage(std::move(chunk));
                     });
   loaded.index->Apply({}, *removed);
@@ -229,8 +229,8 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
   if (std::optional<Loaded> from_files = LoadFiles(view, loaded)) return *from_files;
   loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
-  view.ForEachImage(vocabulary, loaded.quantizer->vocabulary().size(), 0, IndexSegment::kMaxImages,
-                    [&](std::vector<IndexedImage> chunk) {
+  view.ForEachImage(vocabulary, loaded.quantizer->vocabulary().size(), 0,
+                    InvertedIndex::kMostAtOnce, [&](std::vector<IndexedImage> chunk) {
                       const std::size_t images = chunk.size();
                       loaded.index->Append(std::move(chunk));
                       Progress(images);
@@ -364,7 +364,7 @@ std::vector<std::string> MemoryRanker::Check() {
       }
     };
     view->ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), 0,
-                       IndexSegment::kMaxImages, compare);
+                       InvertedIndex::kMostAtOnce, compare);
     if (stored != snapshot->images) {
       problems.push_back("collection \"" + name + "\": the index holds " +
                          std::to_string(snapshot->images) + " images, the database " +

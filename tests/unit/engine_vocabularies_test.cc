@@ -141,7 +141,8 @@ TEST(VocabularySize, GrowsWithTheCollectionFromFourMillionDescriptorsOn) {
   EXPECT_EQ(DefaultVocabularySample(0), 40'000u);
   EXPECT_EQ(DefaultVocabularySample(4'000'000), 40'000u);
   EXPECT_EQ(DefaultVocabularySample(8'000'000), 80'000u);
-  EXPECT_EQ(DefaultVocabularySample(70'000'000), 655'360u);
+  EXPECT_EQ(DefaultVocabularySample(70'000'000), 700'000u);
+  EXPECT_EQ(DefaultVocabularySample(500'000'000), 2'621'440u);
 }
 
 TEST_F(EngineTest, ACancelledTrainingLeavesNothing) {

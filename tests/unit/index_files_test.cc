@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The index in files: it is what the database says after any change, and damage is only slow.
+#include "index/rank/index_files.h"
+
 #include <filesystem>
 #include <fstream>
 #include <mutex>
@@ -10,13 +12,16 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
 
+#include "index/store/open_store.h"
 #include "tests/unit/engine_fixture.h"
+#include "tests/unit/index_test_words.h"
 
 namespace pliant::testing {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -250,6 +255,39 @@ TEST_F(IndexFilesTest, SeveralProcessesShareThem) {
   EXPECT_EQ(one.Search(RandomPng(80), ByImage(1)).hits.at(0).image_id, "p80");
   Add(one, RandomPng(81), "o9", "p81");
   ExpectRight();
+}
+
+// A search looks into each segment.
+TEST_F(IndexFilesTest, SmallFilesBecomeALargeOne) {
+  const auto store =
+      OpenStore({.database = database_.string(), .create = false, .model_of_new = {}});
+  store->BeginWriting([] {});
+  const auto feed = store->OpenFeed();
+  const Key vocabulary = store->catalogue().RequireCollection("default").vocabulary;
+  const fs::path folder = folder_ / "other.index";
+  IndexFiles files(folder, 0);
+  InvertedIndex index(ByteQuantizer(4));
+  std::vector<std::size_t> segments;
+  std::int64_t key = 0;
+  for (int save = 0; save < 4; ++save) {
+    std::vector<IndexedImage> added;
+    while (added.size() < InvertedIndex::kMostAtOnce) {
+      added.push_back(MakeImage(++key, {{static_cast<std::uint32_t>(key % 4), 1}}));
+    }
+    index.Append(std::move(added));
+    files.Write(*feed, vocabulary, *index.snapshot(), {.image = key},
+                [&](auto old, auto same) { index.Exchange(old, std::move(same)); });
+    segments.push_back(std::ranges::count_if(
+        fs::directory_iterator(folder),
+        [](const fs::directory_entry& entry) { return entry.path().extension() == ".segment"; }));
+    EXPECT_EQ(index.snapshot()->parts.size(), segments.back());
+  }
+  EXPECT_THAT(segments, ElementsAre(1, 2, 1, 2));
+  const auto saved = files.Read(*feed->Poll(), vocabulary, 4);
+  ASSERT_TRUE(saved.has_value());
+  EXPECT_EQ(saved->snapshot.images, static_cast<std::size_t>(key));
+  EXPECT_TRUE(saved->snapshot.Find(1).has_value());
+  EXPECT_TRUE(saved->snapshot.Find(key).has_value());
 }
 
 }  // namespace
