@@ -7,13 +7,13 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <string>
 #include <utility>
 
 #include <zlib.h>
 
 #include "descriptor/base/error.h"
-#include "index/store/compressed.h"
 #include "index/store/descriptor_codec.h"
 #include "vocab/residual_codes.h"
 
@@ -31,7 +31,7 @@ static_assert(std::endian::native == std::endian::little,
 constexpr std::size_t kChecksumBytes = 4;
 
 constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
-constexpr std::uint8_t kFeatureVersion = 4;
+constexpr std::uint8_t kFeatureVersion = 3;
 constexpr std::size_t kFeatureHeaderBytes = 23;
 constexpr std::size_t kKeypointBytes = 8;
 constexpr std::uint32_t kMaxRows = 1u << 20;
@@ -145,22 +145,30 @@ void PutColours(std::vector<std::uint8_t>& out, const ColourGrid& colours) {
     planes[i] = colours.chroma[2 * i];
     planes[cells + i] = colours.chroma[2 * i + 1];
   }
-  PutCompressed(planes, Compression::kRepeats, &out);
+  uLongf bytes = ::compressBound(planes.size());
+  const std::size_t begin = out.size();
+  out.resize(begin + bytes);
+  if (::compress(out.data() + begin, &bytes, planes.data(), planes.size()) != Z_OK) {
+    throw std::bad_alloc();  // its only other failure is too small a buffer
+  }
+  out.resize(begin + bytes);
 }
 
-// Moves the offset behind them.
-ColourGrid GetColours(Bytes bytes, std::size_t* offset) {
-  if (bytes.size() < *offset + kColourHeaderBytes) {
-    ThrowCorruptBlob("features end within their colours");
-  }
-  const auto width = GetValue<std::uint16_t>(bytes, *offset);
-  const auto height = GetValue<std::uint16_t>(bytes, *offset + 2);
-  *offset += kColourHeaderBytes;
+// All of `rest`.
+ColourGrid GetColours(Bytes rest) {
+  if (rest.size() < kColourHeaderBytes) ThrowCorruptBlob("features end within their colours");
+  const auto width = GetValue<std::uint16_t>(rest, 0);
+  const auto height = GetValue<std::uint16_t>(rest, 2);
+  const Bytes compressed = rest.subspan(kColourHeaderBytes);
   const std::size_t cells = std::size_t{width} * height;
-  if (cells == 0 || width > kMaxColourSide || height > kMaxColourSide) {
-    ThrowCorruptBlob("features have an impossible grid of colours");
+  const bool fits = cells > 0 && width <= kMaxColourSide && height <= kMaxColourSide;
+  std::vector<std::uint8_t> planes(fits ? 2 * cells : 0);
+  uLongf bytes = planes.size();
+  uLong used = compressed.size();
+  if (!fits || ::uncompress2(planes.data(), &bytes, compressed.data(), &used) != Z_OK ||
+      bytes != planes.size() || used != compressed.size()) {
+    ThrowCorruptBlob("features have colours of another size than they say");
   }
-  const std::vector<std::uint8_t> planes = GetCompressed(bytes, offset, 2 * cells);
   ColourGrid grid = {width, height, std::vector<std::uint8_t>(planes.size())};
   for (std::size_t i = 0; i < cells; ++i) {
     grid.chroma[2 * i] = planes[i];
@@ -211,6 +219,9 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
   CheckShape(features);
   const Descriptors& descriptors = features.descriptors;
   std::vector<std::uint8_t> out;
+  out.reserve(kFeatureHeaderBytes + kChecksumBytes +
+              descriptors.rows *
+                  (kKeypointBytes + CodedRowBytes(descriptors.kind, descriptors.dim)));
   for (const char c : kFeatureMagic) out.push_back(static_cast<std::uint8_t>(c));
   out.push_back(kFeatureVersion);
   out.push_back(static_cast<std::uint8_t>(descriptors.kind));
@@ -242,19 +253,23 @@ Features DecodeFeatures(Bytes blob) {
   const auto rows = GetValue<std::uint32_t>(body, 7);
   const auto dim = GetValue<std::uint32_t>(body, 11);
   if (rows > kMaxRows || dim > kMaxDim) ThrowCorruptBlob("features claim an impossible size");
-  std::size_t offset = kFeatureHeaderBytes + rows * kKeypointBytes;
-  if (body.size() < offset) ThrowCorruptBlob("features end within their keypoints");
+  const std::size_t keypoint_bytes = rows * kKeypointBytes;
+  const std::size_t end =
+      kFeatureHeaderBytes + keypoint_bytes + rows * CodedRowBytes(kind, static_cast<int>(dim));
+  if (with_colours ? body.size() < end : body.size() != end) {
+    ThrowCorruptBlob("features have a length that differs from what their header says");
+  }
   Features features;
   features.width = GetValue<std::int32_t>(body, 15);
   features.height = GetValue<std::int32_t>(body, 19);
   if (rows > 0 && (features.width < 1 || features.height < 1)) {
     ThrowCorruptBlob("features have keypoints in an image without a size");
   }
-  features.keypoints = GetKeypoints(body.subspan(kFeatureHeaderBytes, rows * kKeypointBytes),
-                                    features.width, features.height);
-  features.descriptors = GetDescriptors(body, &offset, kind, rows, static_cast<int>(dim));
-  if (with_colours) features.colours = GetColours(body, &offset);
-  if (offset != body.size()) ThrowCorruptBlob("features are longer than their header says");
+  const Bytes rest = body.subspan(kFeatureHeaderBytes);
+  features.keypoints = GetKeypoints(rest.first(keypoint_bytes), features.width, features.height);
+  features.descriptors =
+      GetDescriptors(rest.subspan(keypoint_bytes), kind, rows, static_cast<int>(dim));
+  if (with_colours) features.colours = GetColours(body.subspan(end));
   return features;
 }
 

@@ -9,19 +9,18 @@
 #include <span>
 
 #include "descriptor/base/error.h"
-#include "index/store/compressed.h"
 
 namespace pliant {
 namespace {
 
-constexpr float kStep = 0.55F;  // of a row's root mean square
-constexpr int kZero = 128;      // the code of 0
-constexpr int kMost = 127;      // steps
-// Root mean square of a row of 2^14 components; their sums stay finite.
-constexpr float kLargest = 0x1p108F;
+constexpr std::size_t kScaleBytes = 2;
+constexpr float kLargestLevel = 7.5F;  // levels: -7.5, -6.5, ..., 7.5
+// Of a row of 2^14 components; their sum of 8 scales each stays finite.
+constexpr float kLargestScale = 0x1p108F;
 
+// At least two: a byte has two.
 std::size_t Components(int dim) {
-  return std::bit_ceil(std::max<std::size_t>(1, static_cast<std::size_t>(dim)));
+  return std::bit_ceil(std::max<std::size_t>(2, static_cast<std::size_t>(dim)));
 }
 
 // bfloat16: the upper half of a float.
@@ -74,79 +73,61 @@ class Rotation {
   std::vector<float> signs_;
 };
 
+void PutRow(std::span<const float> rotated, std::vector<std::uint8_t>* out) {
+  float largest = 0;
+  for (const float value : rotated) largest = std::max(largest, std::abs(value));
+  const std::uint16_t half = ToHalf(std::min(largest / kLargestLevel, kLargestScale));
+  const float scale = FromHalf(half);
+  out->push_back(static_cast<std::uint8_t>(half));
+  out->push_back(static_cast<std::uint8_t>(half >> 8U));
+  const float steps = scale > 0 ? 1.0F / scale : 0.0F;
+  const auto level = [&](float value) {
+    return static_cast<unsigned>(std::clamp(std::floor(value * steps) + 8.0F, 0.0F, 15.0F));
+  };
+  for (std::size_t i = 0; i < rotated.size(); i += 2) {
+    out->push_back(static_cast<std::uint8_t>(level(rotated[i]) | level(rotated[i + 1]) << 4U));
+  }
+}
+
 void CheckRow(std::span<const float> rotated) {
   for (const float value : rotated) {
-    if (std::abs(value) <= kLargest) continue;
+    if (std::abs(value) <= 8 * kLargestScale) continue;
     throw Error(ErrorCode::kInvalidArgument, "descriptor_not_finite",
                 "a descriptor holds a value that is not a finite number, or too large");
   }
 }
 
-// Root mean square.
-std::uint16_t PutRow(std::span<const float> rotated, std::uint8_t* codes) {
-  double squares = 0;
-  for (const float value : rotated) squares += static_cast<double>(value) * value;
-  const std::uint16_t half =
-      ToHalf(static_cast<float>(std::sqrt(squares / static_cast<double>(rotated.size()))));
-  const float size = FromHalf(half);
-  const float steps = size > 0 ? 1 / (kStep * size) : 0;
-  for (std::size_t i = 0; i < rotated.size(); ++i) {
-    const float most = kMost;
-    const float level = std::clamp(std::nearbyint(rotated[i] * steps), -most, most);
-    codes[i] = static_cast<std::uint8_t>(kZero + static_cast<int>(level));
-  }
-  return half;
-}
-
-// With the root mean square that the row had, so that it would get the same codes again.
-void GetRow(std::uint16_t half, const std::uint8_t* codes, std::span<float> rotated) {
-  const float size = FromHalf(half);
-  if (!(size >= 0 && size <= kLargest)) {
-    throw Error(ErrorCode::kCorrupt, "blob_corrupt",
-                "stored features have a descriptor whose length is not a number");
-  }
-  float squares = 0;
-  for (std::size_t i = 0; i < rotated.size(); ++i) {
-    rotated[i] = static_cast<float>(int{codes[i]} - kZero);
-    squares += rotated[i] * rotated[i];
-  }
-  const float scale =
-      squares > 0 ? size * std::sqrt(static_cast<float>(rotated.size()) / squares) : 0;
-  for (float& value : rotated) value *= scale;
-}
-
-// All roots, then all codes.
 void PutFloats(const Descriptors& descriptors, std::vector<std::uint8_t>* out) {
   const auto dim = static_cast<std::size_t>(descriptors.dim);
-  const std::size_t components = Components(descriptors.dim);
-  const Rotation rotation(components);
-  std::vector<float> row(components);
-  std::vector<std::uint8_t> plain(descriptors.rows * (sizeof(std::uint16_t) + components));
-  std::uint8_t* const codes = plain.data() + descriptors.rows * sizeof(std::uint16_t);
+  const Rotation rotation(Components(descriptors.dim));
+  std::vector<float> row(Components(descriptors.dim));
   for (std::size_t i = 0; i < descriptors.rows; ++i) {
     std::copy_n(descriptors.floats.data() + i * dim, dim, row.begin());
     std::fill(row.begin() + static_cast<std::ptrdiff_t>(dim), row.end(), 0.0F);
     rotation.Forward(row);
     CheckRow(row);
-    const std::uint16_t half = PutRow(row, codes + i * components);
-    std::memcpy(plain.data() + i * sizeof(half), &half, sizeof(half));
+    PutRow(row, out);
   }
-  PutCompressed(plain, Compression::kValuesOnly, out);
 }
 
-Descriptors GetFloats(Bytes bytes, std::size_t* offset, std::size_t rows, int dim) {
-  const auto kept = static_cast<std::size_t>(dim);
-  const std::size_t components = Components(dim);
-  const std::vector<std::uint8_t> plain =
-      GetCompressed(bytes, offset, rows * (sizeof(std::uint16_t) + components));
-  const std::uint8_t* const codes = plain.data() + rows * sizeof(std::uint16_t);
+Descriptors GetFloats(Bytes bytes, std::size_t rows, int dim) {
   Descriptors result = Descriptors::Float(rows, dim);
-  const Rotation rotation(components);
-  std::vector<float> row(components);
+  const auto kept = static_cast<std::size_t>(dim);
+  const Rotation rotation(Components(dim));
+  std::vector<float> row(Components(dim));
+  const std::size_t row_bytes = CodedRowBytes(DescriptorKind::kFloat, dim);
   for (std::size_t i = 0; i < rows; ++i) {
-    std::uint16_t half = 0;
-    std::memcpy(&half, plain.data() + i * sizeof(half), sizeof(half));
-    GetRow(half, codes + i * components, row);
+    const std::uint8_t* code = bytes.data() + i * row_bytes;
+    const float scale = FromHalf(static_cast<std::uint16_t>(code[0] | code[1] << 8U));
+    if (!(scale >= 0 && scale <= kLargestScale)) {
+      throw Error(ErrorCode::kCorrupt, "blob_corrupt",
+                  "stored features have a descriptor whose scale is not a number");
+    }
+    code += kScaleBytes;
+    for (std::size_t j = 0; j < row.size(); j += 2, ++code) {
+      row[j] = scale * (static_cast<float>(*code & 15U) - kLargestLevel);
+      row[j + 1] = scale * (static_cast<float>(*code >> 4U) - kLargestLevel);
+    }
     rotation.Back(row);
     std::copy_n(row.begin(), kept, result.floats.data() + i * kept);
   }
@@ -155,22 +136,20 @@ Descriptors GetFloats(Bytes bytes, std::size_t* offset, std::size_t rows, int di
 
 }  // namespace
 
+std::size_t CodedRowBytes(DescriptorKind kind, int dim) {
+  if (kind == DescriptorKind::kBinary) return static_cast<std::size_t>(dim);
+  return kScaleBytes + Components(dim) / 2;
+}
+
 void PutDescriptors(const Descriptors& descriptors, std::vector<std::uint8_t>* out) {
   if (descriptors.kind == DescriptorKind::kFloat) return PutFloats(descriptors, out);
   out->insert(out->end(), descriptors.bytes.begin(), descriptors.bytes.end());
 }
 
-Descriptors GetDescriptors(Bytes bytes, std::size_t* offset, DescriptorKind kind, std::size_t rows,
-                           int dim) {
-  if (kind == DescriptorKind::kFloat) return GetFloats(bytes, offset, rows, dim);
-  if (rows * static_cast<std::size_t>(dim) > bytes.size() - *offset) {
-    throw Error(ErrorCode::kCorrupt, "blob_corrupt",
-                "stored features end within their descriptors");
-  }
+Descriptors GetDescriptors(Bytes bytes, DescriptorKind kind, std::size_t rows, int dim) {
+  if (kind == DescriptorKind::kFloat) return GetFloats(bytes, rows, dim);
   Descriptors result = Descriptors::Binary(rows, dim);
-  std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(*offset), result.bytes.size(),
-              result.bytes.begin());
-  *offset += result.bytes.size();
+  std::copy_n(bytes.begin(), result.bytes.size(), result.bytes.begin());
   return result;
 }
 

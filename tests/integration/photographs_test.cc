@@ -125,7 +125,7 @@ TEST(Photographs, AnotherViewFindsItsObjectFirst) {
 
 // Too small to be found, but by a second description at a finer scale.
 TEST_F(PhotographsOfPrints, ACloserLookFindsSmallPrints) {
-  for (const auto& [print, side_px] : {std::pair{"sudoku.png", 64}, std::pair{"fruits.jpg", 40}}) {
+  for (const auto& [print, side_px] : {std::pair{"sudoku.png", 64}, std::pair{"fruits.jpg", 44}}) {
     WriteScene({.print = print, .print_side_px = side_px}, scene_);
     const auto without = Ask({"--no-closer-look"});
     EXPECT_EQ(without["verdict"], "not_found") << print << ": " << without.dump();

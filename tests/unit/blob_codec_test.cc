@@ -11,7 +11,6 @@
 
 #include <gtest/gtest.h>
 
-#include "index/store/compressed.h"
 #include "tests/unit/expect_error.h"
 
 namespace pliant {
@@ -98,21 +97,18 @@ TEST_P(EveryKind, ComesBackNearly) {
     EXPECT_EQ(back.descriptors.dim, features.descriptors.dim);
     EXPECT_EQ(back.descriptors.rows, rows);
     EXPECT_EQ(back.descriptors.bytes, features.descriptors.bytes);
-    EXPECT_LT(ShareLost(features.descriptors, back.descriptors), 0.03);
+    EXPECT_LT(ShareLost(features.descriptors, back.descriptors), 0.025);
   }
 }
 
-TEST(BlobCodec, AKeypointTakesEightBytesAndAComponentThreeBits) {
-  constexpr std::size_t kRows = 500;
-  std::mt19937_64 random(4);
-  std::normal_distribution<float> normal;
-  for (const int dim : {64, 128, 96}) {
-    Features features = RandomFeatures(kRows, Values::kUnit, 2);
-    features.descriptors = Descriptors::Float(kRows, dim);
-    for (float& value : features.descriptors.floats) value = normal(random);
-    const std::size_t bits = 8 * (EncodeFeatures(features).size() - 8 * kRows);
-    const std::size_t components = kRows * (dim == 96 ? 128U : static_cast<std::size_t>(dim));
-    EXPECT_NEAR(static_cast<double>(bits) / static_cast<double>(components), 3.2, 0.1) << dim;
+TEST(BlobCodec, AKeypointTakesEightBytesAndAComponentFourBits) {
+  for (const auto& [dim, row] : {std::pair{64, 34}, {128, 66}, {96, 66}, {1, 3}}) {
+    Features one = RandomFeatures(1, Values::kUnit, 2);
+    Features two = RandomFeatures(2, Values::kUnit, 2);
+    one.descriptors = Descriptors::Float(1, dim);
+    two.descriptors = Descriptors::Float(2, dim);
+    EXPECT_EQ(EncodeFeatures(two).size() - EncodeFeatures(one).size(),
+              static_cast<std::size_t>(8 + row));
   }
 }
 
@@ -129,7 +125,7 @@ TEST(BlobCodec, UnevenRowsLoseNoMore) {
       }
     }
     const Features back = DecodeFeatures(EncodeFeatures(features));
-    EXPECT_LT(ShareLost(features.descriptors, back.descriptors), 0.03) << dim;
+    EXPECT_LT(ShareLost(features.descriptors, back.descriptors), 0.025) << dim;
   }
 }
 
@@ -215,8 +211,7 @@ TEST(BlobCodec, ColoursOfAnotherSizeAreRefused) {
   refused([&](auto* b) { b->push_back(0); });
   refused([&](auto* b) { b->resize(colours + 3); });
   refused([&](auto* b) { b->resize(colours); });
-  refused([&](auto* b) { (*b)[colours + 4] ^= 0x40; });   // length of what is compressed
-  refused([&](auto* b) { (*b)[colours + 10] ^= 0x40; });  // in it
+  refused([&](auto* b) { (*b)[colours + 6] ^= 0x40; });  // in what is compressed
 }
 
 TEST(BlobCodec, ValuesTooLargeAreRefusedAndLargeOnesComeBack) {
@@ -277,28 +272,12 @@ TEST(BlobCodec, LyingHeadersWithAGoodChecksum) {
            {7, 0xffffffff, 4},
            {11, 64, 4},
            {11, 0xffffffff, 4},
-           {15, 0, 4},                      // no width
-           {19, 0x80000000, 4},             // height
-           {23 + 3 * 8, 0xffffffff, 4}}) {  // length of what is compressed
+           {15, 0, 4},           // no width
+           {19, 0x80000000, 4},  // height
+           {23 + 3 * 8, 0x7fc0, 2},
+           {23 + 3 * 8, 0xbf80, 2}}) {  // scales: not a number, -1
     const std::vector<std::uint8_t> changed = with(at, value, bytes);
     ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(changed); });
-  }
-}
-
-TEST(BlobCodec, LengthsThatNoRowCanHaveAreRefused) {
-  const std::vector<std::uint8_t> whole = EncodeFeatures(RandomFeatures(1, Values::kUnit, 9));
-  const auto with = [&](std::uint16_t length) {
-    std::vector<std::uint8_t> blob(whole.begin(), whole.begin() + 23 + 8);
-    std::vector<std::uint8_t> plain(2 + 128, 130);
-    std::memcpy(plain.data(), &length, sizeof(length));
-    PutCompressed(plain, Compression::kValuesOnly, &blob);
-    PutValue(blob, Crc32(blob));
-    return blob;
-  };
-  EXPECT_EQ(DecodeFeatures(with(0x3f80)).descriptors.rows, 1U) << "1";
-  for (const int length : {0x7fc0, 0xbf80, 0x7f80, 0x7f00}) {  // not a number, -1, infinity, 2^127
-    ExpectError(ErrorCode::kCorrupt, "blob_corrupt",
-                [&] { DecodeFeatures(with(static_cast<std::uint16_t>(length))); });
   }
 }
 

@@ -71,44 +71,34 @@ def weights():
             "missing": text(missing)[:2000], "other": text({"__metadata__": {"format": "other"}})}
 
 
-def compressed(plain):
-    stream = zlib.compress(plain)
-    return struct.pack("<I", len(stream)) + stream
-
-
-def features(kind, dim, rows, descriptors, **changes):
-    values = {"magic": b"PLFT", "version": 4, "coloured": 0, "width": 640, "height": 480, **changes}
+def features(kind, dim, rows, row, **changes):
+    values = {"magic": b"PLFT", "version": 3, "coloured": 0, "width": 640, "height": 480, **changes}
     body = struct.pack("<4sBBBIIII", values["magic"], values["version"], kind, values["coloured"], rows, dim,
                        values["width"], values["height"])
     points = b"".join(struct.pack("<HHHBB", 9000 * i, 7000 * i, 20000 + i, 30 * i, 140) for i in range(rows))
-    return body + points + descriptors
+    return body + points + row * rows
 
 
 def feature_blobs():
-    def floats(size, rows=1, codes=bytes((126, 130, 128, 129))):
-        return compressed(struct.pack("<H", size) * rows + codes * rows)
-
-    one, three = floats(0x3F80), floats(0x3F80, 3)
-    coloured = features(0, 4, 3, three, coloured=1)
-    cells = compressed(bytes(range(120, 132)))
+    row = struct.pack("<H2B", 0x2C00, 0x9E, 0x40)  # of 4 components: a half and 4 codes of 4 bits
+    coloured = features(0, 4, 3, row, coloured=1)
+    cells = zlib.compress(bytes(range(120, 132)))
     return {
         "colours": coloured + struct.pack("<HH", 3, 2) + cells,
         "colours_cut": coloured + struct.pack("<HH", 3, 2) + cells[:-3],
         "colours_more": coloured + struct.pack("<HH", 3, 2) + cells + b"1",
         "colours_none": coloured,
         "colours_huge": coloured + struct.pack("<HH", 0xFFFF, 0xFFFF) + cells,
-        "bits": features(1, 4, 3, b"\x0f\xf0\xaa\x55" * 3),
-        "whole": features(0, 4, 3, three),
-        "small": features(0, 4, 1, floats(1)),
-        "not_finite": features(0, 4, 1, floats(0x7FC0)),
-        "zero": features(0, 4, 1, floats(0, codes=bytes(4))),
-        "empty": features(0, 128, 0, compressed(b"")),
-        "no_dim": features(0, 0, 2, compressed(bytes(6))),
-        "wide": features(0, 4, 1, one, width=0xFFFFFFFF),
-        "flag": features(0, 4, 1, one, coloured=9),
-        "version": features(0, 4, 1, one, version=2),
-        "stream_cut": features(0, 4, 1, one[:-3]),
-        "stream_short": features(0, 4, 3, one),
+        "bits": features(1, 4, 3, b"\x0f\xf0\xaa\x55"),
+        "whole": features(0, 4, 3, row),
+        "small_step": features(0, 4, 1, struct.pack("<H2B", 1, 0x9E, 0x40)),
+        "not_finite": features(0, 4, 1, struct.pack("<H2B", 0x7C00, 0x9E, 0x40)),
+        "zero": features(0, 4, 1, bytes(4)),
+        "empty": features(0, 128, 0, b""),
+        "no_dim": features(0, 0, 2, b""),
+        "wide": features(0, 4, 1, row, width=0xFFFFFFFF),
+        "flag": features(0, 4, 1, row, coloured=9),
+        "version": features(0, 4, 1, row, version=2),
         "many": features(0, 4, 0, b"")[:7] + struct.pack("<II", 1 << 20, 1 << 14) + bytes(8),
     }
 
