@@ -42,6 +42,7 @@ class Verifier:
         """After a start."""
         before = connection.get("/v1/jobs")["jobs"]
         self.book.settle_by(before)
+        grew = self.growing()
         records = self.records(connection)
         actual = {key: state_of(record) if key[1] else EXISTS for key, record in records.items()
                   if not key[1] or key[0] not in self.model.opaque}
@@ -59,7 +60,7 @@ class Verifier:
                 self.demonstration(connection, name)
         if not self.growing():
             # What ended since the list was read may have added to it.
-            self.counts(connection, self.records(connection) if late else records)
+            self.counts(connection, self.records(connection) if grew or late else records)
         self.contents(connection, thorough)
         self.searches(connection, 6 if thorough else 2)
 
