@@ -21,7 +21,10 @@ std::size_t Tier(std::size_t images) {
   return tier;
 }
 
-bool IsWasteful(const Part& part) { return part.dead_count * 4 > part.segment->size(); }
+// Larger segments are in files: saving rewrites them.
+bool IsWasteful(const Part& part) {
+  return part.dead_count * 4 > part.segment->size() && part.segment->size() <= kMostAtOnce;
+}
 
 void Remove(IndexSnapshot* next, std::int64_t key) {
   for (Part& part : next->parts) {
