@@ -62,13 +62,16 @@ Descriptors ChooseCentres(const Descriptors& words) {
   options.k = static_cast<int>(std::min(static_cast<double>(sample.rows),
                                         kGroupsARoot * std::sqrt(static_cast<double>(words.rows))));
   options.max_passes = 1;
-  options.threads = 1;
   return SelectRows(sample, KMedoids(sample, options).medoids);
 }
 
 std::vector<NearestTwo> NearestOf(const Descriptors& words, const PackedDescriptors& centres) {
   std::vector<NearestTwo> nearest(words.rows);
-  centres.FindNearest(words, 0, words.rows, nearest.data());
+  ParallelFor((words.rows + kRowsATask - 1) / kRowsATask, 0, [&](std::size_t task) {
+    const std::size_t first = task * kRowsATask;
+    centres.FindNearest(words, first, std::min(kRowsATask, words.rows - first),
+                        nearest.data() + first);
+  });
   return nearest;
 }
 

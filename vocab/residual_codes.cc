@@ -3,6 +3,7 @@
 #include "vocab/residual_codes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -212,6 +213,14 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
   columns_.resize(book.rotation.size());
   Eigen::Map<Matrix>(columns_.data(), vocabulary_->words.dim, rows) =
       Eigen::Map<const Matrix>(book.rotation.data(), rows, vocabulary_->words.dim).transpose();
+  const auto part_dim = static_cast<std::size_t>(book.part_dim);
+  for (std::size_t p = 0; p < book.parts(); ++p) {
+    for (std::size_t d = 0; d < part_dim; ++d) {
+      for (std::size_t c = 0; c < kCentroids; ++c) {
+        centroid_columns_.push_back(book.centroids[(p * kCentroids + c) * part_dim + d]);
+      }
+    }
+  }
   double largest = 0;  // squared norm of a word
   for (std::size_t w = 0; w < vocabulary_->size(); ++w) {
     const auto word = vocabulary_->words.float_row(w);
@@ -251,9 +260,16 @@ void ResidualCoder::Encode(const Descriptors& descriptors, std::size_t row, std:
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
   std::fill_n(code, code_bytes_, std::uint8_t{0});
   for (std::size_t p = 0; p < book.parts(); ++p) {
-    const std::size_t nearest =
-        NearestCentroid(residual.data() + p * part_dim,
-                        book.centroids.data() + p * kCentroids * part_dim, part_dim);
+    const float* column = centroid_columns_.data() + p * kCentroids * part_dim;
+    std::array<float, kCentroids> distances = {};  // all sums at once, as in Rotated
+    for (std::size_t d = 0; d < part_dim; ++d, column += kCentroids) {
+      const float x = residual[p * part_dim + d];
+      for (std::size_t c = 0; c < kCentroids; ++c) {
+        distances[c] += (x - column[c]) * (x - column[c]);
+      }
+    }
+    const auto nearest =
+        static_cast<std::size_t>(std::ranges::min_element(distances) - distances.begin());
     code[p / 2] |= static_cast<std::uint8_t>(p % 2 == 0 ? nearest : nearest << 4U);
   }
 }

@@ -71,8 +71,9 @@ class ResidualCoder {
   std::shared_ptr<const Vocabulary> vocabulary_;
   bool binary_;
   std::size_t code_bytes_;
-  std::vector<float> columns_;        // of the rotation: dim x padded_dim
-  std::vector<float> rotated_words_;  // words x padded_dim
+  std::vector<float> columns_;           // of the rotation: dim x padded_dim
+  std::vector<float> centroid_columns_;  // parts x part_dim x 16
+  std::vector<float> rotated_words_;     // words x padded_dim
   float bias_step_ = 0;
 };
 

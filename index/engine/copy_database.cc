@@ -35,7 +35,7 @@ struct Copied {
   bool has_content = true;
   AddRequest request = {};  // its bytes are `content`
   Features features = {};
-  std::optional<Bow> bow = {};
+  std::optional<std::vector<std::uint32_t>> words = {};
 };
 using Together = std::vector<Copied>;  // written in one commit
 
@@ -167,10 +167,10 @@ class Copy {
     if (active_ == 0 || same_ == 0) return;
     std::vector<Key> versions;
     for (const Copied& one : together) versions.push_back(one.stored.version);
-    std::map<Key, Bow> words = from_->catalogue().LoadWords(same_, words_, versions);
+    auto words = from_->catalogue().LoadWords(same_, words_, versions);
     for (Copied& one : together) {
       const auto found = words.find(one.stored.version);
-      if (found != words.end()) one.bow = std::move(found->second);
+      if (found != words.end()) one.words = std::move(found->second);
     }
   }
 
@@ -213,9 +213,9 @@ class Copy {
       put.record = std::move(one.stored.record);
       put.encoded = std::move(one.stored.features);
       put.features = std::move(one.features);
-      if (one.bow) {  // else the writer makes it
+      if (one.words) {  // else the writer makes it
         put.vocabulary = active_;
-        put.bow = *std::move(one.bow);
+        put.words = *std::move(one.words);
       }
       put.keep_content = one.has_content;
       put.keep_times = true;

@@ -67,9 +67,7 @@ ImagePut Prepare(EngineCore& core, const AddRequest& request, const std::string&
   if (view.has_vocabulary()) {
     const Stopwatch quantizing;
     put.vocabulary = view.vocabulary;
-    const Descriptors& descriptors = put.features.descriptors;
-    put.bow =
-        view.quantizer->BowOf(descriptors, 0, view.quantizer->Assign(descriptors, request.threads));
+    put.words = view.quantizer->Assign(put.features.descriptors, request.threads);
     timings->quantize_ms = quantizing.ms();
   }
   put.keep_content = core.keeps_originals();

@@ -3,6 +3,7 @@
 #include "index/rank/memory_ranker.h"
 
 #include <algorithm>
+#include <future>
 #include <utility>
 #include <vector>
 
@@ -15,6 +16,15 @@ namespace pliant {
 
 // Changes that are saved while others are made: a start applies the ones that are not.
 constexpr std::int64_t kSaveEvery = InvertedIndex::kMostAtOnce;
+
+// Codes of the same descriptors. Processors round differently, and files of the index come from
+// others.
+static bool AreAlike(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b) {
+  if (a.size() != b.size()) return false;
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) different += a[i] == b[i] ? 0U : 1U;
+  return different * 100 <= a.size();
+}
 
 MemoryRanker::MemoryRanker(std::unique_ptr<ChangeFeed> feed, MemoryRankerOptions options)
     : feed_(std::move(feed)), options_(std::move(options)), loading_(options_.loading) {}
@@ -176,10 +186,9 @@ bool MemoryRanker::BringUpToDate(Loaded& loaded, FeedView& view) {
   const auto removed = view.RemovedSince(loaded.at);
   if (!removed) return false;
   const FeedPosition at = view.Position();  // may fail, so before the change
-  view.ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), loaded.at.image,
-                    InvertedIndex::kMostAtOnce, [&](std::vector<IndexedImage> chunk) {
-                      loaded.index->Stage(std::move(chunk));
-                    });
+  view.ForEachImage(
+      loaded.vocabulary, *loaded.quantizer, loaded.at.image, InvertedIndex::kMostAtOnce,
+      [&](std::vector<IndexedImage> chunk) { loaded.index->Stage(std::move(chunk)); });
   loaded.index->Apply({}, *removed);
   loaded.at = at;
   return true;
@@ -226,11 +235,26 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
 MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key vocabulary) {
   Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position(), {}};
   if (vocabulary == 0) return loaded;
-  loaded.quantizer = std::make_shared<const Quantizer>(view.ReadVocabulary(vocabulary));
-  if (std::optional<Loaded> from_files = LoadFiles(view, loaded)) return *from_files;
+  const std::shared_ptr<const Vocabulary> words = view.ReadVocabulary(vocabulary);
+  auto quantizer =
+      std::async(std::launch::async, [&words] { return std::make_shared<const Quantizer>(words); });
+  auto saved = ReadFiles(view, vocabulary, words->size());  // waits for the disk meanwhile
+  loaded.quantizer = quantizer.get();
+  if (saved) {
+    const std::size_t images = saved->snapshot.images;
+    Loaded from_files = loaded;
+    from_files.index =
+        std::make_shared<InvertedIndex>(loaded.quantizer, std::move(saved->snapshot));
+    from_files.at = saved->at;
+    from_files.saved = saved->at;
+    if (BringUpToDate(from_files, view)) {
+      Progress(images);
+      return from_files;
+    }
+  }
   loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer);
-  view.ForEachImage(vocabulary, loaded.quantizer->vocabulary().size(), 0,
-                    InvertedIndex::kMostAtOnce, [&](std::vector<IndexedImage> chunk) {
+  view.ForEachImage(vocabulary, *loaded.quantizer, 0, InvertedIndex::kMostAtOnce,
+                    [&](std::vector<IndexedImage> chunk) {
                       const std::size_t images = chunk.size();
                       loaded.index->Append(std::move(chunk));
                       Progress(images);
@@ -238,19 +262,11 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
   return loaded;
 }
 
-std::optional<MemoryRanker::Loaded> MemoryRanker::LoadFiles(FeedView& view, const Loaded& empty) {
+std::optional<IndexFiles::Saved> MemoryRanker::ReadFiles(FeedView& view, Key vocabulary,
+                                                         std::size_t words) const {
   if (!options_.files) return std::nullopt;
   try {
-    auto saved = options_.files->Read(view, empty.vocabulary, empty.quantizer->vocabulary().size());
-    if (!saved) return std::nullopt;
-    Loaded loaded = empty;
-    const std::size_t images = saved->snapshot.images;
-    loaded.index = std::make_shared<InvertedIndex>(loaded.quantizer, std::move(saved->snapshot));
-    loaded.at = saved->at;
-    loaded.saved = saved->at;
-    if (!BringUpToDate(loaded, view)) return std::nullopt;
-    Progress(images);
-    return loaded;
+    return options_.files->Read(view, vocabulary, words);
   } catch (const Error& error) {
     if (options_.warn) {
       options_.warn(std::string(error.what()) + "; the index is built from the database again");
@@ -358,13 +374,13 @@ std::vector<std::string> MemoryRanker::Check() {
       stored += chunk.size();
       for (const IndexedImage& image : chunk) {
         const std::optional<Bow> bow = in_memory.Find(image.key);
-        if (!bow || bow->words != image.bow.words || bow->codes != image.bow.codes) {
+        if (!bow || bow->words != image.bow.words || !AreAlike(bow->codes, image.bow.codes)) {
           problems.push_back("image \"" + image.id + "\": index and database differ in its words");
         }
       }
     };
-    view->ForEachImage(loaded.vocabulary, loaded.quantizer->vocabulary().size(), 0,
-                       InvertedIndex::kMostAtOnce, compare);
+    view->ForEachImage(loaded.vocabulary, *loaded.quantizer, 0, InvertedIndex::kMostAtOnce,
+                       compare);
     if (stored != snapshot->images) {
       problems.push_back("collection \"" + name + "\": the index holds " +
                          std::to_string(snapshot->images) + " images, the database " +

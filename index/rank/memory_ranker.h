@@ -104,7 +104,8 @@ class MemoryRanker {
 
   // Without mutex_.
   Loaded LoadAside(FeedView& view, Key collection, Key vocabulary);
-  std::optional<Loaded> LoadFiles(FeedView& view, const Loaded& empty);
+  std::optional<IndexFiles::Saved> ReadFiles(FeedView& view, Key vocabulary,
+                                             std::size_t words) const;
   void SaveWhile(const std::function<Loaded*(Lock& lock)>& next);
   void Progress(std::size_t images);
 

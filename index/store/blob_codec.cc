@@ -210,7 +210,7 @@ void CheckShape(const Features& features) {
   }
 }
 
-constexpr std::uint8_t kBowVersion = 1;
+constexpr std::uint8_t kWordsVersion = 2;
 constexpr std::uint8_t kCodebookVersion = 1;
 
 }  // namespace
@@ -279,58 +279,49 @@ Features InStoredPrecision(Features features) {
   return stored;
 }
 
-std::vector<std::uint8_t> EncodeBow(const Bow& bow) {
-  const std::size_t code_bytes = bow.total == 0 ? 0 : bow.codes.size() / bow.total;
-  if (bow.codes.size() != code_bytes * bow.total || (code_bytes == 0) != (bow.total == 0)) {
-    throw Error(ErrorCode::kInternal, "bow_codes",
-                "a bag of words has more or fewer codes than descriptors");
-  }
-  std::vector<std::uint8_t> out = {kBowVersion};
-  PutVarint(out, static_cast<std::uint32_t>(bow.words.size()));
-  std::uint32_t next = 0;  // smallest word that may follow
-  for (const WordCount& entry : bow.words) {
-    if (entry.word < next || entry.count == 0) {
-      throw Error(ErrorCode::kInternal, "bow_order", "a bag of words is not in ascending order");
+std::vector<std::uint8_t> EncodeWords(std::span<const std::uint32_t> words) {
+  const std::uint32_t largest = words.empty() ? 0 : *std::ranges::max_element(words);
+  const int bits = std::bit_width(largest);
+  std::vector<std::uint8_t> out = {kWordsVersion};
+  PutVarint(out, static_cast<std::uint32_t>(words.size()));
+  out.push_back(static_cast<std::uint8_t>(bits));
+  std::uint64_t waiting = 0;
+  int filled = 0;
+  for (const std::uint32_t word : words) {
+    waiting |= std::uint64_t{word} << filled;
+    for (filled += bits; filled >= 8; filled -= 8, waiting >>= 8U) {
+      out.push_back(static_cast<std::uint8_t>(waiting));
     }
-    PutVarint(out, entry.word - next);
-    PutVarint(out, entry.count);
-    next = entry.word + 1;
   }
-  PutVarint(out, static_cast<std::uint32_t>(code_bytes));
-  out.insert(out.end(), bow.codes.begin(), bow.codes.end());
+  if (filled > 0) out.push_back(static_cast<std::uint8_t>(waiting));
   PutValue(out, Crc32(out));
   return out;
 }
 
-Bow DecodeBow(Bytes blob, std::size_t vocabulary_size) {
+std::vector<std::uint32_t> DecodeWords(Bytes blob, std::size_t vocabulary_size) {
   const Bytes body = CheckedBody(blob, "words");
-  if (body.empty() || body[0] != kBowVersion) {
+  if (body.empty() || body[0] != kWordsVersion) {
     ThrowCorruptBlob("words are of an unknown format version");
   }
   std::size_t offset = 1;
-  const std::uint32_t distinct = GetVarint(body, offset, "words");
-  if (distinct > body.size() || distinct > vocabulary_size) ThrowCorruptBlob("words are too many");
-  Bow bow;
-  bow.words.reserve(distinct);
-  std::uint64_t next = 0;
-  std::uint64_t total = 0;
-  for (std::uint32_t i = 0; i < distinct; ++i) {
-    const std::uint64_t word = next + GetVarint(body, offset, "words");
-    const std::uint32_t count = GetVarint(body, offset, "words");
-    if (word >= vocabulary_size || count == 0) ThrowCorruptBlob("words are outside the vocabulary");
-    bow.words.push_back({static_cast<std::uint32_t>(word), count});
-    total += count;
-    next = word + 1;
+  const std::uint64_t count = GetVarint(body, offset, "words");
+  const int bits = offset < body.size() ? body[offset++] : 33;
+  if (count > kMaxRows || bits > 32 ||
+      (count * static_cast<unsigned>(bits) + 7) / 8 != body.size() - offset) {
+    ThrowCorruptBlob("words are more or fewer than they say");
   }
-  if (total > std::numeric_limits<std::uint32_t>::max()) ThrowCorruptBlob("words are too many");
-  bow.total = static_cast<std::uint32_t>(total);
-  const std::size_t code_bytes = GetVarint(body, offset, "words");
-  if ((code_bytes == 0) != (bow.total == 0) || body.size() - offset != code_bytes * bow.total) {
-    ThrowCorruptBlob("words have more or fewer codes than they need");
+  std::vector<std::uint32_t> words(count);
+  std::uint64_t waiting = 0;
+  int filled = 0;
+  for (std::uint32_t& word : words) {
+    for (; filled < bits; filled += 8) waiting |= std::uint64_t{body[offset++]} << filled;
+    word = static_cast<std::uint32_t>(waiting & ((std::uint64_t{1} << bits) - 1));
+    waiting >>= static_cast<unsigned>(bits);
+    filled -= bits;
+    if (word >= vocabulary_size) ThrowCorruptBlob("words are outside the vocabulary");
   }
-  const auto codes = body.subspan(offset);
-  bow.codes.assign(codes.begin(), codes.end());
-  return bow;
+  if (waiting != 0) ThrowCorruptBlob("words are more or fewer than they say");
+  return words;
 }
 
 std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook) {

@@ -1,17 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The compact, checked byte forms of features, bags of words and codebooks, as kept in the
+// The compact, checked byte forms of features, their words and codebooks, as kept in the
 // database. index/FORMAT.md describes them byte by byte: little-endian values, variable-length
 // integers, and a checksum at the end.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "descriptor/features/features.h"
 #include "descriptor/image/image.h"
-#include "vocab/quantizer.h"
+#include "vocab/vocabulary.h"
 
 namespace pliant {
 
@@ -42,11 +43,12 @@ Features DecodeFeatures(Bytes blob);
 // id. Throws what EncodeFeatures throws.
 Features InStoredPrecision(Features features);
 
-// Throws kInternal for a bag that is not sorted or lacks a descriptor's code.
-std::vector<std::uint8_t> EncodeBow(const Bow& bow);
+// The word of each descriptor. What an index knows of them besides, their codes, follows from the
+// features (Quantizer::BowOf).
+std::vector<std::uint8_t> EncodeWords(std::span<const std::uint32_t> words);
 
 // Throws kCorrupt also for a word of `vocabulary_size` or more.
-Bow DecodeBow(Bytes blob, std::size_t vocabulary_size);
+std::vector<std::uint32_t> DecodeWords(Bytes blob, std::size_t vocabulary_size);
 
 // The words' codebook. DecodeCodebook throws kCorrupt if it does not fit `words`.
 std::vector<std::uint8_t> EncodeCodebook(const Codebook& codebook);

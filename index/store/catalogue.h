@@ -115,7 +115,8 @@ class Catalogue {
   std::uint64_t CountImages(Key collection);
   std::uint64_t CountUnquantized(const std::string& collection, Key vocabulary);
   // The words of the images that have words, by version. `words`: the size of the vocabulary.
-  std::map<Key, Bow> LoadWords(Key vocabulary, std::size_t words, std::span<const Key> versions);
+  std::map<Key, std::vector<std::uint32_t>> LoadWords(Key vocabulary, std::size_t words,
+                                                      std::span<const Key> versions);
   // Each descriptor of the collection has the same probability, and none is drawn twice. The same
   // seed and images give the same sample, in any order of addition.
   DescriptorSample SampleDescriptors(Key collection, std::size_t count, std::uint64_t seed);

@@ -34,9 +34,10 @@ std::unique_ptr<ServiceStore> OpenServiceStore(const std::filesystem::path& data
 // what OpenStore throws.
 void InitializeDatabase(const std::string& url);
 
-// Reads the whole file and writes nothing. Throws kCorrupt "database_corrupt" if its pages, keys or
-// counts contradict each other: it is damaged, or beside the log of another database. Takes as long
-// as reading the disk, and under a second per GB. A missing file is no error.
+// Writes nothing. Throws kCorrupt "database_corrupt" if the file's schema is not Pliant's, or its
+// pages, keys or counts contradict each other: it is damaged, or beside the log of another
+// database. Of a file of more than 2 GiB without a log, which was closed properly, only the schema
+// is read: the whole would take a second per GB. A missing file is no error.
 void CheckDatabaseFile(const std::filesystem::path& database);
 
 struct RestoreResult {

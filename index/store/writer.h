@@ -25,8 +25,8 @@ struct ImagePut {
   ImageRecord record = {};
   std::vector<std::uint8_t> encoded = {};  // features (blob_codec.h)
   Features features = {};                  // the same, in stored precision
-  Key vocabulary = 0;                      // of `bow`; if another is active by now, quantise again
-  Bow bow = {};
+  Key vocabulary = 0;                      // of `words`; if another is active, quantise again
+  std::vector<std::uint32_t> words = {};   // of the descriptors
   bool keep_content = true;  // also store the uploaded bytes
   ImageCheck check = {};     // receives the image that has the id
   bool keep_times = false;   // the record's times: a copy of another database's image

@@ -49,8 +49,6 @@ const Flag kFlags[] = {
     {"--originals-dir", &O::originals_dir,
      "Directory for uploaded images, or `database`; default: keep the current location"},
     {"--auto-train", &O::auto_train, "Train vocabularies in the background"},
-    {"--check-database", &O::check_database,
-     "Read the whole database file at the start and refuse a damaged one"},
     {"--decoder", &O::decoder,
      "Decode images in sandboxed child processes (process), or in the server (inside)", 0, 0,
      "process,inside"},

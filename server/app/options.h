@@ -25,7 +25,6 @@ struct ServerOptions {
   bool keep_originals = true;  // store uploaded bytes, for content and thumbnails
   std::string originals_dir;   // parsed by ParseOriginalsDir
   bool auto_train = true;      // train vocabularies automatically, see AutoTrainer
-  bool check_database = true;  // refuse a damaged file (CheckDatabaseFile)
 
   int cores = 0;          // for describing and ranking; 0 = all
   int http_threads = 64;  // requests served at once

@@ -215,9 +215,7 @@ int RunServer(const ServerOptions& options) {
     CheckOptions(options);
     AllowConnections(options.max_connections);
     // Before anything writes to the database.
-    if (options.check_database) {
-      RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.database); });
-    }
+    RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.database); });
     HttpOptions http_options = MakeHttpOptions(options);
     KeyRing keys(options.database);
     CheckExposure(options, keys.InUse());

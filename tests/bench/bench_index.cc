@@ -1,25 +1,20 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index at 10 000 and 100 000 synthetic images of 512 descriptors each: ranking by
-// histogram (median_ms a query), memory (bytes_per_image), adding one image, loading from the
-// database and from files. Arguments: images, size of the vocabulary. Words and codes are drawn
-// uniformly. For ranking by nearest neighbours see bench_neighbours.
+// histogram (median_ms a query), memory (bytes_per_image), adding one image. Arguments: images, size
+// of the vocabulary. Words and codes are drawn uniformly. For ranking by nearest neighbours see
+// bench_neighbours.
 #include <algorithm>
 #include <chrono>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <random>
 
 #include <benchmark/benchmark.h>
-#include <unistd.h>
 
 #include "descriptor/base/hex.h"
-#include "index/rank/memory_ranker.h"
+#include "index/rank/inverted_index.h"
 #include "index/rank/ranking.h"
-#include "index/store/open_store.h"
-#include "index/store/sql/rows.h"
-#include "index/store/sqlite/database.h"
 
 namespace pliant {
 namespace {
@@ -138,55 +133,6 @@ void BM_AddOne(benchmark::State& state) {
   state.counters["worst_ms"] = *std::max_element(times.begin(), times.end());
 }
 
-std::filesystem::path MakeDatabase(std::int64_t images, std::size_t vocabulary_size) {
-  const auto path = std::filesystem::temp_directory_path() /
-                    ("pliant-bench-" + std::to_string(::getpid()) + ".db");
-  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
-  CreateDatabase(path, {"bench", DescriptorKind::kFloat, kDim, "bench:1"});
-  SqliteConnection db(path, SqliteConnection::Mode::kReadWrite, 1000);
-  SQLite::Transaction transaction(db.database());
-  const CollectionRow collection = RequireCollection(db, kDefaultCollection);
-  const Key words =
-      InsertVocabulary(db, collection.key, collection.model, RandomVocabulary(vocabulary_size));
-  MarkVocabularyReady(db, words);
-  SetActiveVocabulary(db, collection.key, words, false);
-  std::mt19937_64 random(1);
-  ImageRow row;
-  row.record.sha256 = std::string(64, 'a');
-  for (std::int64_t i = 1; i <= images; ++i) {
-    const IndexedImage image = RandomImage(random, i, vocabulary_size);
-    row.record.id = image.id;
-    InsertImageWords(db, words, InsertImage(db, collection.key, row), image.bow);
-  }
-  transaction.commit();
-  return path;
-}
-
-// Files are in the system's cache, as the database is.
-void BM_Load(benchmark::State& state) {
-  const auto path = MakeDatabase(state.range(0), static_cast<std::size_t>(state.range(1)));
-  const std::filesystem::path folder = path.string() + ".index";
-  MemoryRankerOptions options;
-  if (state.range(2) != 0) options.files = std::make_shared<IndexFiles>(folder, 0);
-  const auto load = [&](bool save) {
-    const std::unique_ptr<Store> store =
-        OpenStore({.database = path, .create = false, .model_of_new = {}});
-    store->BeginWriting([] {});
-    MemoryRanker ranker(store->OpenFeed(), options);
-    ranker.Load();
-    benchmark::DoNotOptimize(ranker.memory_bytes());
-    if (!save) return;
-    ranker.BeginSaving();
-    ranker.Save();
-  };
-  if (options.files) load(true);
-  for (auto _ : state) load(false);
-  std::filesystem::remove_all(folder);
-  state.counters["database_bytes_per_image"] =
-      static_cast<double>(std::filesystem::file_size(path)) / static_cast<double>(state.range(0));
-  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + suffix);
-}
-
 BENCHMARK(BM_RankHistogram)->Apply(Sizes);
 BENCHMARK(BM_AddOne)
     ->ArgNames({"images", "words"})
@@ -194,13 +140,6 @@ BENCHMARK(BM_AddOne)
     ->Args({100'000, 65'536})
     ->UseManualTime()
     ->Iterations(500)
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Load)
-    ->ArgNames({"images", "words", "files"})
-    ->Args({20'000, 65'536, 0})
-    ->Args({100'000, 65'536, 0})
-    ->Args({100'000, 65'536, 1})
-    ->Iterations(1)
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

@@ -5,7 +5,7 @@
 
     PLIANT_TEST_DATABASE_SLOW=1 bash tests/postgres/on_postgres.sh python3 tests/bench/compare_stores.py --bin build/release/bin --folder JPEGS
 
-Fills a file with --images (load_database), copies it to PostgreSQL and back, and asks a server on each in turn: searches, uploads, and
+Indexes --folder in a file, fills it up to --images (load_database), copies it to PostgreSQL and back, and asks a server on each in turn: searches, uploads, and
 how soon an upload is found by a second server on PostgreSQL. Prints medians and their differences.
 """
 import argparse
@@ -75,15 +75,14 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, required=True)
     parser.add_argument("--folder", type=pathlib.Path, required=True)
     parser.add_argument("--images", type=int, default=20000)
-    parser.add_argument("--keypoints", type=int, default=500)
     parser.add_argument("--rounds", type=int, default=40)
     options = parser.parse_args()
     jpegs = [p.read_bytes() for p in images_below(parser, options.folder, 20) if p.suffix.lower() != ".png"]
     url = os.environ["PLIANT_TEST_DATABASE"]
     with tempfile.TemporaryDirectory() as home:
         file, back = f"{home}/file.db", f"{home}/back.db"
-        timed([options.bin / "load_database", "--db", file, "--folder", options.folder, "--images", str(options.images),
-               "--keypoints", str(options.keypoints)])
+        timed([options.bin / "pliant", "index", options.folder, "--db", file])
+        timed([options.bin / "load_database", "--db", file, "--images", str(options.images)])
         for source, target, what in ((file, url, "file to PostgreSQL"), (url, back, "PostgreSQL to file")):
             took, said = timed([options.bin / "pliant", "db", "copy", target, "--db", source, "--json", "--compare", "1"])
             result = json.loads(said)

@@ -7,9 +7,8 @@
 
 Indexes N images with their originals in a directory of their own, starts a server on them, and
 searches. Times are processor seconds, not wall time, so that a busy machine changes them little;
-divide by the cores that are free. The last lines are a table of larger collections: disk and
-processor time in proportion; memory with 7.8 kB an image, which is what bench_index measures for
-100 000 images of 700 words each of 4000.
+divide by the cores that are free. The last lines are a table of larger collections, in proportion.
+measure_collection.py measures these.
 """
 
 import argparse
@@ -25,7 +24,7 @@ import urllib.request
 
 import service
 
-INDEX_BYTES = 36  # of a keypoint in memory: code 32, bias 2, image 1, and some of the offsets
+INDEX_BYTES = 20  # of a keypoint in memory: code 16, bias 2, image 2
 
 
 def cpu_of_children():

@@ -158,11 +158,13 @@ class Follower {
     ASSERT_TRUE(removed.has_value());
     const FeedPosition now = view->Position();
     ASSERT_TRUE(now.Continues(at_));
-    view->ForEachImage(vocabulary_, 2, at_.image, 1000, [&](std::vector<IndexedImage> images) {
-      for (const IndexedImage& image : images) {
-        EXPECT_TRUE(there_.emplace(image.key, image.id).second) << image.id << " came twice";
-      }
-    });
+    const Quantizer quantizer(view->ReadVocabulary(vocabulary_));
+    view->ForEachImage(
+        vocabulary_, quantizer, at_.image, 1000, [&](std::vector<IndexedImage> images) {
+          for (const IndexedImage& image : images) {
+            EXPECT_TRUE(there_.emplace(image.key, image.id).second) << image.id << " came twice";
+          }
+        });
     for (const std::int64_t key : *removed) {
       EXPECT_TRUE(gone_.insert(key).second) << key << " was removed twice";
       there_.erase(key);

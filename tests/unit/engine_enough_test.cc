@@ -67,8 +67,7 @@ class EngineEnoughTest : public EngineTest {
       put.encoded = EncodeFeatures(image);
       put.features = DecodeFeatures(put.encoded);
       put.vocabulary = in.vocabulary;
-      const Descriptors& descriptors = put.features.descriptors;
-      put.bow = quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, 1));
+      put.words = quantizer.Assign(put.features.descriptors, 1);
       put.keep_content = false;
     }
     store->writer().PutAll(puts);

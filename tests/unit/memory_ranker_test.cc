@@ -89,7 +89,7 @@ class FakeView : public FeedView {
     return result;
   }
   std::uint64_t CountImages(Key) override { return 0; }
-  void ForEachImage(Key vocabulary, std::size_t, std::int64_t after, std::size_t,
+  void ForEachImage(Key vocabulary, const Quantizer&, std::int64_t after, std::size_t,
                     const std::function<void(std::vector<IndexedImage>)>& work) override {
     if (vocabulary == content_.unreadable) {
       throw Error(ErrorCode::kUnavailable, "database_unavailable", "it is gone");

@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the schema of a database may be.
 #include <array>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 #include <SQLiteCpp/SQLiteCpp.h>
@@ -74,6 +77,15 @@ TEST_F(SchemaCheckTest, ForeignSchemasAreRefused) {
     ExpectError(ErrorCode::kCorrupt, "backup_damaged",
                 [&] { RestoreDatabase(file, folder_ / "restored.db", false); });
   }
+}
+
+TEST_F(SchemaCheckTest, AllOfALargeFileIsReadOnlyIfItWasNotClosed) {
+  const auto file = Make("INSERT INTO collections (name, model, created_ms, images) VALUES ('c', 1, 1, 5)");
+  ExpectError(ErrorCode::kCorrupt, "database_corrupt", [&] { CheckDatabaseFile(file); });
+  std::filesystem::resize_file(file, std::uintmax_t{3} << 30U);  // the file system stores no zeros
+  EXPECT_NO_THROW(CheckDatabaseFile(file));
+  std::ofstream(file.string() + "-wal") << "what a stop left behind";
+  ExpectError(ErrorCode::kCorrupt, "database_corrupt", [&] { CheckDatabaseFile(file); });
 }
 
 TEST_F(SchemaCheckTest, WhatAnOperatorAddedIsLeftAndRestored) {

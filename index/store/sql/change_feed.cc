@@ -8,7 +8,10 @@
 #include <string>
 #include <utility>
 
+#include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "index/store/blob_codec.h"
+#include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/rows.h"
 #include "index/store/store.h"
@@ -17,6 +20,27 @@ namespace pliant {
 namespace {
 
 constexpr std::size_t kRowsAtOnce = 512;  // a database may send all rows before the first is read
+
+// A row of an image.
+struct Stored {
+  IndexedImage image;
+  std::vector<std::uint8_t> words;
+  std::vector<std::uint8_t> features;
+
+  void Quantize(const Quantizer& quantizer) {
+    try {
+      const Descriptors descriptors = DecodeFeatures(features).descriptors;
+      const auto decoded = DecodeWords(words, quantizer.vocabulary().size());
+      if (decoded.size() != descriptors.rows) {
+        throw Error(ErrorCode::kCorrupt, "words_corrupt",
+                    "it has more or fewer words than keypoints");
+      }
+      image.bow = quantizer.BowOf(descriptors, 0, decoded);
+    } catch (const Error& error) {
+      throw Error(error.code(), error.reason(), "image \"" + image.id + "\": " + error.what());
+    }
+  }
+};
 
 class SqlFeedView : public FeedView {
   template <typename Work>  // before its users, which need its type
@@ -65,20 +89,32 @@ class SqlFeedView : public FeedView {
     return Read([&](Connection& db) { return CountImagesIn(db, collection); });
   }
 
-  void ForEachImage(Key vocabulary, std::size_t words, std::int64_t after, std::size_t chunk,
+  void ForEachImage(Key vocabulary, const Quantizer& quantizer, std::int64_t after,
+                    std::size_t chunk,
                     const std::function<void(std::vector<IndexedImage>)>& work) override {
     Read([&](Connection& db) {
       std::vector<IndexedImage> images;
-      for (std::size_t rows = kRowsAtOnce; rows == kRowsAtOnce;) {
-        rows = 0;
+      for (std::size_t read = kRowsAtOnce; read == kRowsAtOnce;) {
+        std::vector<Stored> stored;
         Cursor row = db.Prepare(
-            "SELECT p.key, p.object, p.id, w.data FROM image_words w JOIN images p ON p.key = "
-            "w.image WHERE w.vocabulary = ? AND w.image > ? ORDER BY w.image LIMIT ?");
+            "SELECT p.key, p.object, p.id, w.data, f.data FROM image_words w JOIN images p ON "
+            "p.key = w.image LEFT JOIN features f ON f.image = w.image WHERE w.vocabulary = ? AND "
+            "w.image > ? ORDER BY w.image LIMIT ?");
         row.Bind(vocabulary, after, kRowsAtOnce);
-        for (; row.Next(); ++rows) {
-          images.push_back({row.Int(0), row.IsNull(1) ? 0 : row.Int(1), row.Text(2),
-                            DecodeBow(row.Blob(3), words)});
-          after = images.back().key;
+        while (row.Next()) {
+          if (row.IsNull(4)) throw refusals::FeaturesMissing();
+          Stored& one = stored.emplace_back();
+          one.image.key = row.Int(0);
+          one.image.object = row.IsNull(1) ? 0 : row.Int(1);
+          one.image.id = row.Text(2);
+          one.words = row.CopyOfBlob(3);
+          one.features = row.CopyOfBlob(4);
+        }
+        read = stored.size();
+        if (read > 0) after = stored.back().image.key;
+        ParallelFor(read, 0, [&](std::size_t i) { stored[i].Quantize(quantizer); });
+        for (Stored& one : stored) {
+          images.push_back(std::move(one.image));
           if (images.size() == chunk) work(std::exchange(images, {}));
         }
       }

@@ -109,8 +109,8 @@ void CheckWords(Connection& db, Problems& problems) {
     if (row.Int(4) == 0)
       problems.push_back(image + "its words are of another collection's vocabulary");
     Note(problems, image, [&] {
-      const Bow bow = DecodeBow(row.Blob(3), static_cast<std::size_t>(row.Int(1)));
-      if (bow.total != row.Int(2))
+      const auto words = DecodeWords(row.Blob(3), static_cast<std::size_t>(row.Int(1)));
+      if (words.size() != row.Count(2))
         problems.push_back(image + "it has more or fewer words than keypoints");
     });
   });

@@ -107,6 +107,7 @@ std::vector<VocabularyRecord> SelectVocabularies(Connection& db, const Collectio
 std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionRow& collection,
                                                Key vocabulary);
 // Does nothing if the image was removed.
-void InsertImageWords(Connection& db, Key vocabulary, Key image, const Bow& bow);
+void InsertImageWords(Connection& db, Key vocabulary, Key image,
+                      std::span<const std::uint32_t> words);
 
 }  // namespace pliant

@@ -63,14 +63,10 @@ std::vector<StoredFeatures> SelectUnquantized(Connection& db, Key collection, Ke
   return images;
 }
 
-struct ImageWords {
-  Key image = 0;
-  Bow bow;
-};
-
 // One matrix product for the whole batch instead of one for each image.
-std::vector<ImageWords> QuantizeBatch(const Quantizer& quantizer,
-                                      std::span<const StoredFeatures> batch, int threads) {
+std::vector<std::vector<std::uint32_t>> QuantizeBatch(const Quantizer& quantizer,
+                                                      std::span<const StoredFeatures> batch,
+                                                      int threads) {
   Descriptors all;
   all.kind = quantizer.vocabulary().words.kind;
   all.dim = quantizer.vocabulary().words.dim;
@@ -81,19 +77,20 @@ std::vector<ImageWords> QuantizeBatch(const Quantizer& quantizer,
     all.Append(own);
   }
   const std::vector<std::uint32_t> words = quantizer.Assign(all, threads);
-  std::vector<ImageWords> result;
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < batch.size(); ++i) {
-    result.push_back(
-        {batch[i].image, quantizer.BowOf(all, first, std::span(words).subspan(first, rows[i]))});
-    first += rows[i];
+  std::vector<std::vector<std::uint32_t>> result;
+  auto first = words.begin();
+  for (const std::size_t count : rows) {
+    const auto last = first + static_cast<std::ptrdiff_t>(count);
+    result.emplace_back(first, last);
+    first = last;
   }
   return result;
 }
 
-void InsertWords(Connection& db, Key vocabulary, std::span<const ImageWords> images) {
-  for (const ImageWords& one : images) {
-    InsertImageWords(db, vocabulary, one.image, one.bow);
+void InsertWords(Connection& db, Key vocabulary, std::span<const StoredFeatures> batch,
+                 std::span<const std::vector<std::uint32_t>> words) {
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    InsertImageWords(db, vocabulary, batch[i].image, words[i]);
   }
 }
 
@@ -102,7 +99,7 @@ void QuantizeRest(Connection& db, Key collection, Key vocabulary, const Quantize
   while (true) {
     const auto batch = SelectUnquantized(db, collection, vocabulary, 0);
     if (batch.empty()) return;
-    InsertWords(db, vocabulary, QuantizeBatch(quantizer, batch, 0));
+    InsertWords(db, vocabulary, batch, QuantizeBatch(quantizer, batch, 0));
   }
 }
 
@@ -146,8 +143,9 @@ std::optional<VocabularyRecord> FindVocabulary(Connection& db, const CollectionR
   return ToRecord(row, collection);
 }
 
-void InsertImageWords(Connection& db, Key vocabulary, Key image, const Bow& bow) {
-  const std::vector<std::uint8_t> blob = EncodeBow(bow);
+void InsertImageWords(Connection& db, Key vocabulary, Key image,
+                      std::span<const std::uint32_t> words) {
+  const std::vector<std::uint8_t> blob = EncodeWords(words);
   db.Prepare(
         "INSERT INTO image_words (vocabulary, image, data) "
         "SELECT ?1, key, ?3 FROM images WHERE key = ?2 "
@@ -232,14 +230,14 @@ std::uint64_t Catalogue::CountUnquantized(const std::string& collection, Key voc
   });
 }
 
-std::map<Key, Bow> Catalogue::LoadWords(Key vocabulary, std::size_t words,
-                                        std::span<const Key> versions) {
+std::map<Key, std::vector<std::uint32_t>> Catalogue::LoadWords(Key vocabulary, std::size_t words,
+                                                               std::span<const Key> versions) {
   return access_.Read([&](Connection& db) {
-    std::map<Key, Bow> found;
+    std::map<Key, std::vector<std::uint32_t>> found;
     Cursor row = db.Prepare("SELECT image, data FROM image_words WHERE vocabulary = ?1 AND " +
                             db.IsAmong("image", "?2"));
     row.Bind(vocabulary, versions);
-    while (row.Next()) found.emplace(row.Int(0), DecodeBow(row.Blob(1), words));
+    while (row.Next()) found.emplace(row.Int(0), DecodeWords(row.Blob(1), words));
     return found;
   });
 }
@@ -264,8 +262,8 @@ void Writer::Quantize(Key collection, Key vocabulary, const Quantizer& quantizer
     const auto batch = access_.Read(
         [&](Connection& db) { return SelectUnquantized(db, collection, vocabulary, after); });
     if (batch.empty()) return;
-    const std::vector<ImageWords> words = QuantizeBatch(quantizer, batch, threads);
-    access_.Write([&](Connection& db) { InsertWords(db, vocabulary, words); });
+    const auto words = QuantizeBatch(quantizer, batch, threads);
+    access_.Write([&](Connection& db) { InsertWords(db, vocabulary, batch, words); });
     after = batch.back().image;
     done += batch.size();
   }

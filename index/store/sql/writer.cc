@@ -146,13 +146,11 @@ PutOutcome Writer::Store(Connection& db, const ImagePut& put, IncomingOriginal* 
   if (put.keep_content) originals_.originals().Keep(db, key, request.bytes, original);
   if (collection.active_vocabulary != 0) {
     if (collection.active_vocabulary == put.vocabulary) {
-      InsertImageWords(db, collection.active_vocabulary, key, put.bow);
+      InsertImageWords(db, collection.active_vocabulary, key, put.words);
     } else {  // switched since
       const Quantizer quantizer(ReadVocabulary(db, collection.active_vocabulary));
-      const Descriptors& descriptors = put.features.descriptors;
-      InsertImageWords(
-          db, collection.active_vocabulary, key,
-          quantizer.BowOf(descriptors, 0, quantizer.Assign(descriptors, request.threads)));
+      InsertImageWords(db, collection.active_vocabulary, key,
+                       quantizer.Assign(put.features.descriptors, request.threads));
     }
   }
   return {replaced ? AddOutcome::kReplaced : AddOutcome::kCreated, image.record};

@@ -231,13 +231,17 @@ bool IsSetAside(const fs::path& name) {
 }
 
 void CheckDatabaseFile(const fs::path& database) {
+  constexpr std::uintmax_t kMostBytes = std::uintmax_t{2} << 30U;
   if (IsDatabaseUrl(database.string())) return;  // `pliant cluster check` asks its nodes
   RequireDatabaseFile(database);
   if (InspectDatabaseFile(database) != FileState::kPliant) return;
+  const fs::path log = WithSuffix(database, "-wal");
+  const bool is_read =
+      fs::file_size(database) <= kMostBytes || (fs::exists(log) && !fs::is_empty(log));
   WithDatabaseErrors(database, [&] {
     SqliteConnection db(database, SqliteConnection::Mode::kReadOnly, kBusyTimeoutMs);
     const SQLite::Transaction reading(db.database());  // others may write meanwhile
-    const std::vector<std::string> problems = QuickCheck(db);
+    const std::vector<std::string> problems = is_read ? QuickCheck(db) : CheckSchema(db);
     if (problems.empty()) return;
     throw Error(
         ErrorCode::kCorrupt, "database_corrupt",

@@ -111,26 +111,27 @@ def varint(value):
     return out + bytes([value])
 
 
-def bow(entries, code_bytes, codes, version=1):
+def words(values, bits, version=2):
     """The vocabulary has 2^10 words."""
-    return (bytes([10, version]) + varint(len(entries)) + b"".join(varint(gap) + varint(n) for gap, n in entries)
-            + varint(code_bytes) + codes)
+    packed = sum(value << (i * bits) for i, value in enumerate(values))
+    return bytes([10, version]) + varint(len(values)) + bytes([bits]) + packed.to_bytes((len(values) * bits + 7) // 8, "little")
 
 
-def bow_blobs():
-    entries = [(3, 1), (0, 2), (200, 1)]
+def words_blobs():
+    values = [3, 4, 205, 3]
     return {
-        "words": bow(entries, 2, bytes(range(8))),
-        "uncoded": bow(entries, 0, b""),
-        "version": bow(entries, 2, bytes(range(8)), version=2),
-        "empty": bow([], 0, b""),
-        "empty_coded": bow([], 5, b""),
-        "too_far": bow([(1023, 1), (0, 1)], 1, bytes(2)),
-        "no_count": bow([(1, 0)], 1, b""),
-        "counts_beyond_32_bits": bow([(1, 0xFFFFFFFF), (1, 2)], 4, bytes(4)),
-        "long_number": bytes([10, 1, 0x81, 0x80, 0x80, 0x80, 0x00, 3, 1]),
-        "too_long": bytes([10, 1, 1, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F, 1]),
-        "more": bow(entries, 2, bytes(range(8))) + b"\0",
+        "words": words(values, 8),
+        "all_bits": words([1023, 0, 1023], 10),
+        "wide": words(values, 32),
+        "version": words(values, 8, version=1),
+        "empty": words([], 0),
+        "zeros": words([0] * 9, 0),
+        "too_far": words([1024], 11),
+        "too_wide": words(values, 33),
+        "too_many": bytes([10, 2, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F, 0]),
+        "long_number": bytes([10, 2, 0x81, 0x80, 0x80, 0x80, 0x00, 3, 1]),
+        "more": words(values, 8) + b"\0",
+        "filled_up": words([1], 1)[:-1] + b"\x03",
     }
 
 
@@ -157,5 +158,5 @@ def codebook_blobs():
     }
 
 
-SEEDS = {"safetensors": tensor_files, "weights": weights, "feature_blob": feature_blobs, "bow_blob": bow_blobs,
+SEEDS = {"safetensors": tensor_files, "weights": weights, "feature_blob": feature_blobs, "words_blob": words_blobs,
          "codebook_blob": codebook_blobs}
