@@ -283,8 +283,10 @@ void Quantizer::AddCodes(const Descriptors& descriptors, std::size_t first,
                    [&](std::uint32_t a, std::uint32_t b) { return words[a] < words[b]; });
   bow->codes.resize(words.size() * coder_->code_bytes());
   std::uint8_t* code = bow->codes.data();
-  for (const std::uint32_t row : order) {
-    coder_->Encode(descriptors, first + row, words[row], code);
+  constexpr std::size_t kAhead = 4;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    if (i + kAhead < order.size()) coder_->Prefetch(words[order[i + kAhead]]);
+    coder_->Encode(descriptors, first + order[i], words[order[i]], code);
     code += coder_->code_bytes();
   }
 }

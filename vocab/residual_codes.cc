@@ -3,8 +3,9 @@
 #include "vocab/residual_codes.h"
 
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <random>
@@ -52,6 +53,21 @@ std::size_t NearestCentroid(const float* part, const float* centroids, std::size
     }
   }
   return best;
+}
+
+using OfCentroids = Eigen::Array<float, kCentroids, 1>;
+
+// Which value is the least, without branches: a number in the last bits of each goes with it, and
+// what differs in these bits only is equal. No value is negative.
+std::size_t Least(OfCentroids values) {
+  using Words [[gnu::vector_size(4 * kCentroids)]] = std::uint32_t;
+  constexpr std::uint32_t kNumber = kCentroids - 1;
+  constexpr Words kNumbers = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+  Words words;
+  std::memcpy(&words, values.data(), sizeof(words));
+  words = (words & ~kNumber) | kNumbers;
+  std::memcpy(values.data(), &words, sizeof(words));
+  return std::bit_cast<std::uint32_t>(values.minCoeff()) & kNumber;
 }
 
 // Centroid number of part p: the even part in the low half of the byte.
@@ -235,15 +251,21 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
   bias_step_ = static_cast<float>(std::max(largest, 1e-30) * 2 / 32767);
 }
 
-// Column by column: all sums at once instead of one after another.
 std::vector<float> ResidualCoder::Rotated(std::span<const float> vector) const {
   std::vector<float> rotated(vocabulary_->codebook.padded_dim());
-  for (std::size_t d = 0; d < vector.size(); ++d) {
-    const float* column = columns_.data() + d * rotated.size();
-    const float x = vector[d];
-    for (std::size_t r = 0; r < rotated.size(); ++r) rotated[r] += column[r] * x;
-  }
+  const auto rows = static_cast<Eigen::Index>(rotated.size());
+  const auto dim = static_cast<Eigen::Index>(vector.size());
+  Eigen::Map<Eigen::VectorXf>(rotated.data(), rows).noalias() =
+      Eigen::Map<const Eigen::MatrixXf>(columns_.data(), rows, dim) *
+      Eigen::Map<const Eigen::VectorXf>(vector.data(), dim);
   return rotated;
+}
+
+void ResidualCoder::Prefetch(std::uint32_t word) const {
+  if (binary_) return;
+  constexpr std::size_t kLine = 64 / sizeof(float);
+  const std::size_t dim = vocabulary_->codebook.padded_dim();
+  for (std::size_t d = 0; d < dim; d += kLine) __builtin_prefetch(&rotated_words_[word * dim + d]);
 }
 
 void ResidualCoder::Encode(const Descriptors& descriptors, std::size_t row, std::uint32_t word,
@@ -261,15 +283,11 @@ void ResidualCoder::Encode(const Descriptors& descriptors, std::size_t row, std:
   std::fill_n(code, code_bytes_, std::uint8_t{0});
   for (std::size_t p = 0; p < book.parts(); ++p) {
     const float* column = centroid_columns_.data() + p * kCentroids * part_dim;
-    std::array<float, kCentroids> distances = {};  // all sums at once, as in Rotated
+    OfCentroids distances = OfCentroids::Zero();
     for (std::size_t d = 0; d < part_dim; ++d, column += kCentroids) {
-      const float x = residual[p * part_dim + d];
-      for (std::size_t c = 0; c < kCentroids; ++c) {
-        distances[c] += (x - column[c]) * (x - column[c]);
-      }
+      distances += (residual[p * part_dim + d] - Eigen::Map<const OfCentroids>(column)).square();
     }
-    const auto nearest =
-        static_cast<std::size_t>(std::ranges::min_element(distances) - distances.begin());
+    const std::size_t nearest = Least(distances);
     code[p / 2] |= static_cast<std::uint8_t>(p % 2 == 0 ? nearest : nearest << 4U);
   }
 }

@@ -55,6 +55,8 @@ class ResidualCoder {
   bool binary() const { return binary_; }
   std::size_t code_bytes() const { return code_bytes_; }
 
+  // Of a word that Encode needs soon: in a large vocabulary its data wait for the memory.
+  void Prefetch(std::uint32_t word) const;
   // `code` gets code_bytes() bytes.
   void Encode(const Descriptors& descriptors, std::size_t row, std::uint32_t word,
               std::uint8_t* code) const;

@@ -72,7 +72,7 @@ struct EngineOptions {
   // The index of a database file with at least so many images is also saved in files, in a folder
   // DATABASE.index: so the next start is fast, and processes share one copy. The files are derived
   // from the database and can be removed.
-  std::size_t save_index_from = 4096;
+  std::size_t save_index_from = 256;
   // Called while the index loads with the share of the images in memory, 0..1, by the loading
   // thread.
   std::function<void(double share)> loading;

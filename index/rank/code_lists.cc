@@ -4,9 +4,19 @@
 
 #include <algorithm>
 
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
 #include "descriptor/base/error.h"
 
 namespace pliant {
+namespace {
+
+std::uint64_t DigestOf(std::uint32_t word, std::span<const std::uint8_t> code) {
+  return XXH3_64bits_withSeed(code.data(), code.size(), word);
+}
+
+}  // namespace
 
 // Takes the words in ascending order, each once.
 class CodeLists::Builder {
@@ -165,6 +175,32 @@ Bow CodeLists::BowOf(std::size_t image) const {
     }
   }
   return bow;
+}
+
+std::vector<std::uint64_t> CodeLists::Digests(std::size_t images) const {
+  std::vector<std::uint64_t> digests(images, 0);
+  std::vector<std::uint8_t> code(bytes_);
+  for (std::uint32_t w = 0; w < vocabulary_size(); ++w) {
+    const CodeList list = List(w);
+    const auto image = Images(w);
+    for (std::size_t i = 0; i < list.size; ++i) {
+      CopyCode(list, i, code.data());
+      digests[image[i]] += DigestOf(w, code);
+    }
+  }
+  return digests;
+}
+
+std::uint64_t CodeLists::Digest(const Bow& bow) {
+  std::uint64_t digest = 0;
+  const std::size_t bytes = bow.total == 0 ? 0 : bow.codes.size() / bow.total;
+  std::span<const std::uint8_t> codes = bow.codes;
+  for (const WordCount& entry : bow.words) {
+    for (std::uint32_t i = 0; i < entry.count; ++i, codes = codes.subspan(bytes)) {
+      digest += DigestOf(entry.word, codes.first(bytes));
+    }
+  }
+  return digest;
 }
 
 std::size_t CodeLists::memory_bytes() const {
