@@ -27,9 +27,9 @@ struct ImagePut {
   Features features = {};                  // the same, in stored precision
   Key vocabulary = 0;                      // of `words`; if another is active, quantise again
   std::vector<std::uint32_t> words = {};   // of the descriptors
-  bool keep_content = true;  // also store the uploaded bytes
-  ImageCheck check = {};     // receives the image that has the id
-  bool keep_times = false;   // the record's times: a copy of another database's image
+  bool keep_content = true;                // also store the uploaded bytes
+  ImageCheck check = {};                   // receives the image that has the id
+  bool keep_times = false;                 // the record's times: a copy of another database's image
 };
 
 struct PutOutcome {

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The inverted index at 10 000 and 100 000 synthetic images of 512 descriptors each: ranking by
-// histogram (median_ms a query), memory (bytes_per_image), adding one image. Arguments: images, size
-// of the vocabulary. Words and codes are drawn uniformly. For ranking by nearest neighbours see
-// bench_neighbours.
+// histogram (median_ms a query), memory (bytes_per_image), adding one image. Arguments: images,
+// size of the vocabulary. Words and codes are drawn uniformly. For ranking by nearest neighbours
+// see bench_neighbours.
 #include <algorithm>
 #include <chrono>
 #include <map>

@@ -80,7 +80,8 @@ TEST_F(SchemaCheckTest, ForeignSchemasAreRefused) {
 }
 
 TEST_F(SchemaCheckTest, AllOfALargeFileIsReadOnlyIfItWasNotClosed) {
-  const auto file = Make("INSERT INTO collections (name, model, created_ms, images) VALUES ('c', 1, 1, 5)");
+  const auto file =
+      Make("INSERT INTO collections (name, model, created_ms, images) VALUES ('c', 1, 1, 5)");
   ExpectError(ErrorCode::kCorrupt, "database_corrupt", [&] { CheckDatabaseFile(file); });
   std::filesystem::resize_file(file, std::uintmax_t{3} << 30U);  // the file system stores no zeros
   EXPECT_NO_THROW(CheckDatabaseFile(file));

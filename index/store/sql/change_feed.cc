@@ -30,10 +30,11 @@ struct Stored {
   void Quantize(const Quantizer& quantizer) {
     try {
       const Descriptors descriptors = DecodeFeatures(features).descriptors;
-      const auto decoded = DecodeWords(words, quantizer.vocabulary().size());
-      if (decoded.size() != descriptors.rows) {
-        throw Error(ErrorCode::kCorrupt, "words_corrupt",
-                    "it has more or fewer words than keypoints");
+      const Descriptors& of_words = quantizer.vocabulary().words;
+      const auto decoded = DecodeWords(words, of_words.rows);
+      if (decoded.size() != descriptors.rows || descriptors.kind != of_words.kind ||
+          descriptors.dim != of_words.dim) {
+        throw Error(ErrorCode::kCorrupt, "words_corrupt", "its words are not of its descriptors");
       }
       image.bow = quantizer.BowOf(descriptors, 0, decoded);
     } catch (const Error& error) {
