@@ -49,8 +49,8 @@ class WordGroups {
   // Vocabularies of fewer words are searched exactly.
   static constexpr std::size_t kLeastWords = 8193;
 
-  // About 2 sqrt(words) groups, by k-medoids of a part of the words. Deterministic. Takes about
-  // two seconds for 262 144 words.
+  // About 2 sqrt(words) groups, by k-medoids of a part of the words. Deterministic, on all
+  // cores.
   explicit WordGroups(const Descriptors& words);
 
   // The nearest words of rows first, first + 1, ... of `descriptors`, row by row, nearest first;

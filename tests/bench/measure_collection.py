@@ -31,8 +31,7 @@ SAVED_FROM = 256  # images; smaller indexes are not saved
 
 
 def percentiles(values):
-    ordered = sorted(values)
-    return "/".join(f"{ordered[min(len(ordered) - 1, int(share * len(ordered)))]:.0f}" for share in (0.5, 0.95, 0.99))
+    return "/".join(f"{service.percentile(values, share):.0f}" for share in (0.5, 0.95, 0.99))
 
 
 def bytes_of(path):

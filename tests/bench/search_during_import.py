@@ -21,13 +21,8 @@ import time
 import service
 
 
-def percentile(times, share):
-    ordered = sorted(times)
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-
 def report(name, times):
-    p50, p95 = percentile(times, 0.5), percentile(times, 0.95)
+    p50, p95 = service.percentile(times, 0.5), service.percentile(times, 0.95)
     print(f"{name:15} {len(times):4} searches  p50 {1000 * p50:7.0f} ms  p95 {1000 * p95:7.0f} ms")
     return p50, p95
 

@@ -19,6 +19,11 @@ def images_below(parser, folder, wanted):
     return images
 
 
+def percentile(times, share):
+    ordered = sorted(times)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
 def copy_numbered(images, folder):
     """Into a new folder, under names that cannot collide."""
     folder.mkdir()
