@@ -23,6 +23,9 @@ constexpr std::size_t kSupportNeighbours = 20;  // who votes for a sample
 constexpr std::size_t kKeptNeighbours = 40;     // looked through before all others are
 constexpr std::size_t kGrowNeighbours = 8;      // whose map predicts a correspondence
 constexpr std::size_t kGrownHypotheses = 6;
+// A distance in the query counts as one in the reference that is shorter by this: keypoint sizes
+// and local scales differ.
+constexpr double kQueryReach = 4;
 constexpr std::size_t kLeastSupport = 4;  // the sample's three and one more
 // Bending moves a point off its neighbourhood's affine map by a share of its distance from there.
 constexpr double kBending = 0.1;
@@ -35,6 +38,14 @@ struct Hypothesis {
 };
 
 double Distance(Vec2 a, Vec2 b) { return std::sqrt(SquaredDistance(a, b)); }
+
+// Squared, in the reference.
+double NeighbourDistance(const Correspondence& from, const Correspondence& to) {
+  const double in_reference = SquaredDistance(from.reference, to.reference);
+  if (from.size_ratio <= 0) return in_reference;
+  const double scale = from.size_ratio * kQueryReach;
+  return std::max(in_reference, SquaredDistance(from.query, to.query) / (scale * scale));
+}
 
 class Ransac {
  public:
@@ -64,7 +75,9 @@ class Ransac {
   }
 
  private:
-  // For each correspondence the others in order of distance in the reference, the nearest few.
+  // For each correspondence the others in order of distance, the nearest few. The distance is that
+  // in the reference or, if it is larger, that in the query in the scale of the keypoints: of
+  // several copies in the query, neighbours belong to one.
   void FindNeighbours() {
     const std::size_t n = input_.size();
     const std::size_t keep = std::min(kKeptNeighbours, n - 1);
@@ -74,8 +87,7 @@ class Ransac {
       others.clear();
       for (std::uint32_t j = 0; j < n; ++j) {
         if (j == i) continue;
-        others.emplace_back(
-            static_cast<float>(SquaredDistance(input_[i].reference, input_[j].reference)), j);
+        others.emplace_back(static_cast<float>(NeighbourDistance(input_[i], input_[j])), j);
       }
       const auto end = others.begin() + static_cast<std::ptrdiff_t>(keep);
       if (keep < others.size()) std::nth_element(others.begin(), end, others.end());

@@ -44,10 +44,10 @@ struct Options {
 
 void PrintText(const SearchResult& result, const Json& document, double took_ms) {
   if (!result.hits.empty()) {
-    if (result.undecided) {
-      Print("undecided: several similar objects share the probability");
+    if (result.perhaps) {
+      Print("perhaps: no hit has a probability of {:.1f} or more", kFoundProbability);
     } else if (result.found == std::size_t{0}) {
-      Print("not found: no hit has a probability of {:.1f} or more", kFoundProbability);
+      Print("not found: no hit has a probability of {:.1f} or more", kPerhapsProbability);
     }
     Print(TableOf(document["hits"], {{"/rank", "rank"},
                                      {"/score", "score", 4},

@@ -101,6 +101,7 @@ class Merger {
       if (entry.hit.score >= min_score_) hits.push_back(std::move(entry.hit));
     }
     std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) {
+      if (a.probability != b.probability) return a.probability > b.probability;
       return a.score != b.score ? a.score > b.score : a.image_id < b.image_id;
     });
     for (std::size_t i = 0; i < hits.size(); ++i) hits[i].rank = i + 1;
@@ -149,18 +150,22 @@ void AddUp(const ExtractionTimings& one, ExtractionTimings* sum) {
 }
 
 // What the features of both say; adds to verify_ms.
-void Conclude(const Features& query, const Features& reference, int threads,
-              Comparison* comparison) {
+void Conclude(const Features& query, std::size_t usual_keypoints, const Features& reference,
+              int threads, Comparison* comparison) {
   const Stopwatch watch;
-  const VerificationResult result = Verifier(query, {.threads = threads}).Verify(reference);
+  const VerificationResult result = Verifier(query, {.max_instances = SearchOptions().max_instances,
+                                                     .threads = threads,
+                                                     .usual_keypoints = usual_keypoints})
+                                        .Verify(reference);
   comparison->verify_ms += watch.ms();
   comparison->explanation = ExplainInstances(query, reference, result).front();
   comparison->explanation.ranking_score = kNoResemblance;
   comparison->outline.clear();
   for (const Vec2 p : result.outline) comparison->outline.push_back({p.x, p.y});
   const double evidence =
-      Evidence(result.effective_inliers, InliersByChance(query.keypoints.size()));
-  comparison->probability = Probability(LiftScore(kNoResemblance, evidence));
+      Evidence(result.effective_inliers,
+               InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing));
+  comparison->probability = Rounded(Probability(kNoResemblance, evidence));
 }
 
 // Throws kInvalidArgument that names the option.
@@ -202,7 +207,7 @@ SearchResult Answer(EngineCore& core, const CollectionView& view, Features featu
   SearchResult result = run.Run(features);
   std::size_t keypoints = features.keypoints.size();
   ExtractionTimings extraction = timings;
-  const bool found_nothing = result.found == std::size_t{0} && !result.undecided;
+  const bool found_nothing = result.found == std::size_t{0} && !run.undecided();
   if (second && options.second_pass && found_nothing) {
     if (std::optional<Features> finer = second(&extraction)) {
       const Features verified = of_region(InStoredPrecision(*std::move(finer)));
@@ -370,7 +375,6 @@ SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_
     result.words = one.words;
     result.keypoints += one.keypoints;
     if (one.found) result.found = 0;
-    if (one.undecided) result.undecided = true;
     merger.Add(id, std::move(one.hits));
   }
   std::vector<Hit> hits = merger.Take();
@@ -380,7 +384,8 @@ SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_
         static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const Hit& hit) {
           return hit.probability && *hit.probability >= kFoundProbability;
         }));
-    if (*result.found > 0) result.undecided = false;
+    result.perhaps =
+        *result.found == 0 && !hits.empty() && hits.front().probability >= kPerhapsProbability;
   }
   result.hits = PageOf(std::move(hits), options);
   return result;
@@ -400,14 +405,15 @@ Comparison EngineSearch::Compare(Bytes first, Bytes second, int threads) {
   const Features reference =
       InStoredPrecision(describe(core_.extractor(), first, "first", &comparison.first));
   const Features query = describe(core_.query_extractor(), second, "second", &comparison.second);
-  Conclude(InStoredPrecision(query), reference, threads, &comparison);
+  const std::size_t usual = query.keypoints.size();
+  Conclude(InStoredPrecision(query), usual, reference, threads, &comparison);
   if (comparison.found()) return comparison;
   auto finer =
       core_.query_extractor().ExtractSecondPass(second, query, {}, threads, &comparison.timings);
   if (!finer) return comparison;
   Comparison at_second_sight = comparison;
   at_second_sight.second = Checked(*finer, "second");
-  Conclude(InStoredPrecision(*std::move(finer)), reference, threads, &at_second_sight);
+  Conclude(InStoredPrecision(*std::move(finer)), usual, reference, threads, &at_second_sight);
   comparison.verify_ms = at_second_sight.verify_ms;
   return at_second_sight.probability > comparison.probability ? at_second_sight : comparison;
 }

@@ -59,9 +59,13 @@ Explanation NotLookedAt(const SearchOptions& options, double ranking_score) {
 class CandidateVerifier {
  public:
   // All must outlive it. Times are added to `timings`.
-  CandidateVerifier(const Features& query, const SearchOptions& options, CandidateCache* cache,
-                    SearchTimings* timings)
-      : query_(query), options_(options), cache_(*cache), timings_(*timings) {}
+  CandidateVerifier(const Features& query, std::size_t usual_keypoints,
+                    const SearchOptions& options, CandidateCache* cache, SearchTimings* timings)
+      : query_(query),
+        usual_keypoints_(usual_keypoints),
+        options_(options),
+        cache_(*cache),
+        timings_(*timings) {}
 
   // Those of the candidates that are surely verified: worth reading with the first batch.
   std::span<const RankedImage> FirstBatch(std::span<const RankedImage> candidates) const {
@@ -94,6 +98,7 @@ class CandidateVerifier {
     const ScopedStopwatch watch(&timings_.verify_ms);
     auto hits = Rerank(query_, std::move(batch),
                        {.max_instances = options_.max_instances,
+                        .usual_keypoints = usual_keypoints_,
                         .explain = options_.explain,
                         .threads = options_.threads},
                        [&](std::int64_t version) { return cache_.LoadFeatures(version); });
@@ -118,6 +123,7 @@ class CandidateVerifier {
   }
 
   const Features& query_;
+  const std::size_t usual_keypoints_;  // of the query; more come from the second pass
   const SearchOptions& options_;
   CandidateCache& cache_;
   SearchTimings& timings_;
@@ -194,14 +200,17 @@ SearchResult SearchRun::Run(const Features& features) {
         static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const auto& hit) {
           return hit.probability >= kFoundProbability;
         }));
-    result.undecided = result.found == std::size_t{0} &&
-                       std::any_of(hits.begin(), hits.end(), [](const auto& hit) {
-                         return Probability(hit.image.score) >= kFoundProbability;
-                       });
+    undecided_ = result.found == std::size_t{0} && std::ranges::any_of(hits, [](const auto& hit) {
+                   return Probability(hit.ranking_score, hit.evidence) >= kFoundProbability;
+                 });
+    result.perhaps = result.found == std::size_t{0} && !hits.empty() &&
+                     hits.front().probability >= kPerhapsProbability;
   }
+  // Images that were not verified are no more probable than those that were: these ranked higher.
+  double most = hits.empty() ? 1 : hits.back().probability;
   for (RankedImage& image : ranking.best) {
-    const double probability = Probability(image.score);
-    hits.push_back({.image = std::move(image), .probability = probability});
+    most = std::min(most, Rounded(Probability(image.score, /*evidence=*/0)));
+    hits.push_back({.image = std::move(image), .probability = most});
   }
   result.hits = PageOf(std::move(hits));
   result.timings = timings_;
@@ -209,7 +218,7 @@ SearchResult SearchRun::Run(const Features& features) {
 }
 
 std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking* ranking) {
-  CandidateVerifier verifier(features, options_, &cache_, &timings_);
+  CandidateVerifier verifier(features, query_.keypoints.size(), options_, &cache_, &timings_);
   depth_ = rank_.candidates;
   Fetch(verifier);
   if (!Verifies(options_)) return {};
@@ -219,7 +228,7 @@ std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking
   if (ExpansionsOf(options_) > 0) Expand(&verifier, &hits, ranking);
   DropWeakEvidence(&hits);
   SuppressNonMaxima(features, &hits);
-  SortByScore(&hits);
+  SortByProbability(&hits);
   std::erase_if(hits, [&](const auto& hit) { return hit.image.score < options_.min_score; });
   if (options_.group_by == GroupBy::kObject) KeepBestOfObjects(&hits);
   return hits;

@@ -55,6 +55,9 @@ class SearchRun {
   // Verifies with `features`: the query, or in a second pass the added features. Timings include
   // all passes so far.
   SearchResult Run(const Features& features);
+  // Whether the last Run found nothing only because rivals share a probability that would be enough
+  // for one: a second pass would not tell them apart.
+  bool undecided() const { return undecided_; }
 
  private:
   bool KnowsProbabilities() const;
@@ -82,6 +85,7 @@ class SearchRun {
   Ranking ranking_;
   std::optional<Ranking> deeper_;  // set when a pass needs it
   std::size_t depth_ = 0;          // images that this pass verifies
+  bool undecided_ = false;
 };
 
 }  // namespace pliant

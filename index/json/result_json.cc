@@ -64,11 +64,15 @@ Json NumberOrNull(const std::optional<Number>& number) {
   return number ? Json(*number) : Json(nullptr);
 }
 
+const char* VerdictText(bool found, bool perhaps) {
+  if (found) return "found";
+  return perhaps ? "perhaps" : "not_found";
+}
+
 // Of a search; null where hits have no probability.
 Json VerdictJson(const SearchResult& result) {
   if (!result.found) return nullptr;
-  if (*result.found > 0) return "found";
-  return result.undecided ? "undecided" : "not_found";
+  return VerdictText(*result.found > 0, result.perhaps);
 }
 
 Json HitJson(const Hit& hit) {
@@ -134,7 +138,7 @@ Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain) 
   const Explanation& e = comparison.explanation;
   const ExtractionTimings& t = comparison.timings;
   Json json = {{"took_ms", took_ms},
-               {"verdict", comparison.found() ? "found" : "not_found"},
+               {"verdict", VerdictText(comparison.found(), comparison.perhaps())},
                {"probability", comparison.probability},
                {"first", image(comparison.first)},
                {"second", image(comparison.second)},

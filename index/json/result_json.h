@@ -15,7 +15,7 @@
 namespace pliant {
 
 // {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total", "verdict":
-// "found", "undecided", "not_found" or null, "found": number or null, "hits": [{"rank", "object",
+// "found", "perhaps", "not_found" or null, "found": number or null, "hits": [{"rank", "object",
 // "score", "probability": number or null, "image_id", "inliers", "polygon", "instances":
 // [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An object without a name is null; the
 // polygon is a list of [x, y] or null. A hit with an explanation has "explain" too:
@@ -26,9 +26,9 @@ namespace pliant {
 // "examples": [{"image_id", "keypoints", "width", "height"}].
 Json SearchResultJson(const SearchResult& result, double took_ms);
 
-// {"took_ms", "verdict": "found" or "not_found", "probability", "first": {"width", "height",
-// "keypoints"}, "second": the same, "matches", "inliers", "inlier_fraction", "polygon", "failure":
-// text or null, "timings": {...}}, and as asked "explain" as above.
+// {"took_ms", "verdict": "found", "perhaps" or "not_found", "probability", "first": {"width",
+// "height", "keypoints"}, "second": the same, "matches", "inliers", "inlier_fraction", "polygon",
+// "failure": text or null, "timings": {...}}, and as asked "explain" as above.
 Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain);
 
 // [x, y], with hundredths of a pixel.

@@ -41,6 +41,8 @@ inline constexpr std::size_t kMaxExamples = 16;
 
 // A hit with at least this probability counts as found.
 inline constexpr double kFoundProbability = 0.9;
+// With at least this probability, but less than kFoundProbability, it perhaps shows the object.
+inline constexpr double kPerhapsProbability = 0.2;
 
 struct SearchOptions {
   std::string collection = kDefaultCollection;
@@ -60,7 +62,7 @@ struct SearchOptions {
   // kMostExpansions. Absent: 3 by image; 0 by object, where further images of a found object add
   // nothing.
   std::optional<int> expand;
-  int max_instances = 4;  // of one object in the query image; at least 1
+  int max_instances = 20;  // of one object in the query image; at least 1
   // For Engine::Search with probabilities. If nothing is found, a second pass describes the query
   // image at high resolution (FeatureExtractor::ExtractSecondPass). The result is that of the pass
   // whose first hit has more evidence.
@@ -125,10 +127,11 @@ struct SearchResult {
   std::vector<Hit> hits;
   std::size_t total = 0;  // number of hits, over all pages
   // Number of hits with kFoundProbability or more. 0 = the object is not in the collection, unless
-  // `undecided`. Absent if hits have no probability.
+  // `perhaps`. Absent if hits have no probability.
   std::optional<std::size_t> found;
-  // Nothing is found because similar objects share a probability that would be enough for one.
-  bool undecided = false;
+  // Nothing is found, but the first hit has kPerhapsProbability or more: similar objects share the
+  // probability, or little of the object is visible.
+  bool perhaps = false;
   double evidence = 0;       // of the first hit over all pages (VerifiedImage)
   bool second_pass = false;  // a second pass was made; this can be either pass's result
   RankMethod rank = RankMethod::kNeighbours;  // the method used
@@ -162,6 +165,7 @@ struct Comparison {
   double verify_ms = 0;
 
   bool found() const { return probability >= kFoundProbability; }
+  bool perhaps() const { return !found() && probability >= kPerhapsProbability; }
 };
 
 }  // namespace pliant

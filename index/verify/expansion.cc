@@ -45,8 +45,8 @@ std::unordered_map<std::int64_t, Support> Expand(
     const auto whole = load(source->image.ref.version);
     if (!whole) continue;
     const std::vector<Vec2> outline = Enlarged(source->seen, kGrowth);
-    const Features part =
-        Subset(*whole, [&](const Keypoint& k) { return IsInside({k.x, k.y}, outline); });
+    const auto is_seen = [&](const Keypoint& k) { return IsInside({k.x, k.y}, outline); };
+    const Features part = Subset(*whole, is_seen);
     if (part.keypoints.size() < kMinKeypoints) continue;
     const double most = kDecay * source->evidence;
     std::vector<RankedImage> found = nearest(part, options.depth);
@@ -61,7 +61,9 @@ std::unordered_map<std::int64_t, Support> Expand(
       const auto features = load(found[i].ref.version);
       if (!features) return;
       const VerificationResult result = verifier.Verify(*features);
-      evidence[i] = Evidence(result.effective_inliers);
+      evidence[i] =
+          Evidence(result.effective_inliers,
+                   InliersByChance(part.keypoints.size(), result.distinctness, result.agreeing));
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       const double chained = kDecay * std::min(source->evidence, evidence[i]);

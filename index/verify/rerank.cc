@@ -47,7 +47,8 @@ std::vector<VerifiedImage> Rerank(
     const double score = image.score;
     images.push_back({.image = std::move(image), .ranking_score = score});
   }
-  const Verifier verifier(query, {.max_instances = options.max_instances});
+  const Verifier verifier(
+      query, {.max_instances = options.max_instances, .usual_keypoints = options.usual_keypoints});
   ParallelFor(images.size(), options.threads, [&](std::size_t i) {
     VerifiedImage& candidate = images[i];
     const auto features = load(candidate.image.ref.version);
@@ -63,7 +64,8 @@ std::vector<VerifiedImage> Rerank(
     for (const FoundInstance& other : result.others) AddInstance(other, &candidate);
     candidate.seen =
         ConvexHull(PointsOf(features->keypoints, result.inliers, &MatchedPair::reference));
-    candidate.by_chance = InliersByChance(query.keypoints.size());
+    candidate.by_chance =
+        InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing);
     candidate.evidence = Evidence(result.effective_inliers, candidate.by_chance);
     candidate.image.score = LiftScore(candidate.ranking_score, candidate.evidence);
   });
@@ -141,8 +143,10 @@ void KeepExclusiveMatches(std::vector<VerifiedImage>* images) {
   }
 }
 
-void SortByScore(std::vector<VerifiedImage>* images) {
+void SortByProbability(std::vector<VerifiedImage>* images) {
   std::sort(images->begin(), images->end(), [](const VerifiedImage& a, const VerifiedImage& b) {
+    // Equally probable: by score.
+    if (a.probability != b.probability) return a.probability > b.probability;
     if (a.image.score != b.image.score) return a.image.score > b.image.score;
     return a.image.ref.id < b.image.ref.id;
   });

@@ -14,6 +14,7 @@
 #include "descriptor/features/features.h"
 #include "index/rank/ranking.h"
 #include "index/records/search.h"
+#include "index/verify/judgement.h"
 #include "index/verify/verification.h"
 
 namespace pliant {
@@ -30,8 +31,8 @@ struct VerifiedImage {
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
-  double by_chance = 4.5;                // InliersByChance of the query that it was verified with
-  double probability = 0;                // that the hit is correct (SuppressNonMaxima)
+  double by_chance = kJudgement.inliers_by_chance;  // InliersByChance of the pair
+  double probability = 0;                           // that the hit is correct (SuppressNonMaxima)
   double evidence = 0;                   // of its own inliers, or through `via` if that is more
   std::vector<QueryMatch> matches = {};  // of the inliers of all instances
   std::vector<Vec2> seen = {};           // hull of the inliers in this image, original pixels
@@ -47,6 +48,7 @@ std::size_t DefaultVerifyDepth(std::size_t images);
 
 struct RerankOptions {
   int max_instances = 1;
+  std::size_t usual_keypoints = 0;  // as VerificationOptions
   bool explain = false;
   int threads = 1;  // images at a time; 0 = all cores
 };
@@ -102,8 +104,8 @@ class NearestMatches {
 // name, do not compete.
 void KeepExclusiveMatches(std::vector<VerifiedImage>* images);
 
-// By score, then id.
-void SortByScore(std::vector<VerifiedImage>* images);
+// By probability, then score, then id.
+void SortByProbability(std::vector<VerifiedImage>* images);
 
 // Keeps the best image of each object, and all images without object.
 void KeepBestOfObjects(std::vector<VerifiedImage>* images);

@@ -11,7 +11,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "index/verify/verification.h"
+#include "index/verify/judgement.h"
 #include "index/verify/warp_geometry.h"
 
 namespace pliant {
@@ -56,6 +56,7 @@ double Odds(double probability) { return probability / std::max(1e-12, 1 - proba
 std::vector<Detection> DetectionsIn(const Features& query,
                                     const std::vector<VerifiedImage>& images) {
   const NearestMatches nearest(images);
+  const double by_chance = InliersByChance(query.keypoints.size());
   std::vector<Detection> detections;
   for (std::size_t i = 0; i < images.size(); ++i) {
     const VerifiedImage& image = images[i];
@@ -77,8 +78,9 @@ std::vector<Detection> DetectionsIn(const Features& query,
       }
       if (outline.empty() || points.empty()) continue;
       const double share = static_cast<double>(kept) / static_cast<double>(points.size());
-      const double evidence = Evidence(instance.independent, image.by_chance) * std::sqrt(share);
-      const double odds = Odds(Probability(LiftScore(image.ranking_score, evidence)));
+      // Of rivals, not against chance: so both have the same inliers by chance.
+      const double evidence = Evidence(instance.independent, by_chance) * std::sqrt(share);
+      const double odds = Odds(LiftScore(image.ranking_score, evidence));
       const Box box(outline);
       detections.push_back({i, k, object, std::move(outline), std::move(points), box, kept, odds});
     }
@@ -130,12 +132,22 @@ void FollowTheirSources(std::vector<VerifiedImage>* images) {
     const auto at = by_id.find(image->via);
     if (at == by_id.end()) continue;
     const VerifiedImage& source = *at->second;
-    const double alone = Probability(image->image.score);
-    const double sources = Probability(source.image.score);
+    const double alone = Probability(image->ranking_score, image->evidence);
+    const double sources = Probability(source.ranking_score, source.evidence);
     const std::int64_t object = image->image.object;
     const bool differ = object != 0 && source.image.object != 0 && object != source.image.object;
     image->probability = alone * source.probability / std::max(1e-12, sources) /
                          (1 + (differ ? Doubt(Odds(sources), Odds(alone)) : 0));
+  }
+}
+
+// An image without inliers has no place of its own, so the most probable one is its rival wherever
+// that is.
+void SuppressWithoutInstances(std::vector<VerifiedImage>* images) {
+  double most = 0;
+  for (const VerifiedImage& image : *images) most = std::max(most, image.probability);
+  for (VerifiedImage& image : *images) {
+    if (image.evidence == 0 && image.probability < most) image.probability *= 1 - most;
   }
 }
 
@@ -157,7 +169,7 @@ void Drop(std::vector<std::size_t> instances, VerifiedImage* image) {
 
 void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images) {
   for (VerifiedImage& image : *images) {
-    image.probability = Probability(image.image.score);
+    image.probability = Probability(image.ranking_score, image.evidence);
   }
   const std::vector<Detection> detections = DetectionsIn(query, *images);
   std::vector<double> doubts(images->size(), std::numeric_limits<double>::infinity());
@@ -172,7 +184,12 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
     if (std::isfinite(doubts[i])) (*images)[i].probability /= 1 + doubts[i];
   }
   FollowTheirSources(images);
-  for (std::size_t i = 0; i < images->size(); ++i) Drop(lost[i], &(*images)[i]);
+  SuppressWithoutInstances(images);
+  for (std::size_t i = 0; i < images->size(); ++i) {
+    VerifiedImage& image = (*images)[i];
+    image.probability = Rounded(image.probability);
+    Drop(lost[i], &image);
+  }
 }
 
 }  // namespace pliant

@@ -40,6 +40,30 @@ const Features& Checked(const Features& query) {
   return query;
 }
 
+DescriptorSpread SpreadOf(const Descriptors& descriptors) {
+  const bool is_binary = descriptors.kind == DescriptorKind::kBinary;
+  const auto dim = static_cast<std::size_t>(descriptors.dim) * (is_binary ? 8 : 1);
+  DescriptorSpread spread{std::vector<double>(dim, 0.0), 0};
+  for (std::size_t row = 0; row < descriptors.rows; ++row) {
+    for (std::size_t i = 0; i < dim; ++i) {
+      const double x = is_binary ? (descriptors.binary_row(row)[i / 8] >> (i % 8)) & 1
+                                 : descriptors.float_row(row)[i];
+      spread.mean[i] += x;
+      spread.squared_length += x * x;
+    }
+  }
+  const double rows = std::max(1.0, static_cast<double>(descriptors.rows));
+  for (double& mean : spread.mean) mean /= rows;
+  spread.squared_length /= rows;
+  return spread;
+}
+
+// The mean squared distance of a descriptor of one side to a descriptor of the other.
+double MeanSquaredDistance(const DescriptorSpread& a, const DescriptorSpread& b) {
+  return a.squared_length + b.squared_length -
+         2 * std::inner_product(a.mean.begin(), a.mean.end(), b.mean.begin(), 0.0);
+}
+
 // The longer side of the box around the keypoints: that of the part the query was limited to.
 double Extent(const std::vector<Keypoint>& keypoints) {
   if (keypoints.empty()) return 0;
@@ -111,7 +135,7 @@ std::string FailureInWords(const VerificationResult& result) {
 }  // namespace
 
 Verifier::Verifier(const Features& query, const VerificationOptions& options)
-    : query_(Checked(query)), options_(options) {
+    : query_(Checked(query)), options_(options), spread_(SpreadOf(query.descriptors)) {
   if (!(options.tolerance > 0 && options.tolerance < 1)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_tolerance",
                 "tolerance must be above 0 and below 1.");
@@ -119,6 +143,10 @@ Verifier::Verifier(const Features& query, const VerificationOptions& options)
   if (!(options.reference_tolerance >= 0 && options.least_tolerance >= 0)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_tolerance",
                 "reference_tolerance and least_tolerance must be 0 or more.");
+  }
+  if (!(options.max_ratio > 0 && options.max_ratio <= 1)) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_max_ratio",
+                "max_ratio must be above 0 and at most 1.");
   }
   if (options.max_instances < 1) {
     throw Error(ErrorCode::kInvalidArgument, "bad_max_instances",
@@ -145,8 +173,38 @@ std::vector<Correspondence> Verifier::Correspondences(const Features& reference,
 }
 
 std::vector<Match> Verifier::MatchesWith(const Features& reference) const {
-  const MatchOptions options{.max_ratio = options_.max_ratio, .threads = options_.threads};
-  return MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors, options);
+  return MatchDescriptors(PackedDescriptors(reference.descriptors), query_.descriptors,
+                          {.threads = options_.threads});
+}
+
+void Verifier::Compare(const Features& reference, const std::vector<Match>& all,
+                       const std::vector<Match>& mutual, VerificationResult* result) const {
+  std::vector<bool> is_inlier(query_.keypoints.size(), false);
+  const auto mark = [&](const FoundInstance& found) {
+    for (const MatchedPair& pair : found.inliers) is_inlier[pair.query] = true;
+  };
+  mark(*result);
+  std::ranges::for_each(result->others, mark);
+  std::vector<double> distances;
+  const std::size_t usual =
+      options_.usual_keypoints > 0 ? options_.usual_keypoints : query_.keypoints.size();
+  for (const Match& match : all) {
+    if (match.reference < usual && !is_inlier[match.reference]) distances.push_back(match.distance);
+  }
+  const double any = MeanSquaredDistance(spread_, SpreadOf(reference.descriptors));
+  if (!distances.empty() && any > 0) {
+    const double nearest = Median(std::move(distances));
+    const bool is_squared = query_.descriptors.kind == DescriptorKind::kBinary;
+    result->distinctness = std::sqrt((is_squared ? nearest : nearest * nearest) / any);
+  }
+  const auto hull =
+      ConvexHull(PointsOf(reference.keypoints, result->inliers, &MatchedPair::reference));
+  const auto contradicting = std::ranges::count_if(mutual, [&](const Match& match) {
+    const Keypoint& r = reference.keypoints[match.query];
+    return !is_inlier[match.reference] && IsInside({r.x, r.y}, hull);
+  });
+  const auto inliers = static_cast<double>(result->inliers.size());
+  result->agreeing = inliers / (inliers + static_cast<double>(contradicting));
 }
 
 TpsRansacOptions Verifier::RansacFor(const Features& reference) const {
@@ -193,7 +251,10 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   VerificationResult result;
   if (query_.keypoints.empty() || reference.keypoints.empty()) return result;
   Check(reference, "reference");
-  const std::vector<Match> matches = MatchesWith(reference);
+  const std::vector<Match> all = MatchesWith(reference);
+  std::vector<Match> matches;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(matches),
+               [&](const Match& match) { return match.ratio <= options_.max_ratio; });
   std::vector<Match> mutual;
   std::copy_if(matches.begin(), matches.end(), std::back_inserter(mutual),
                [](const Match& match) { return match.mutual; });
@@ -203,8 +264,10 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   result.failure = agreed.failure;
   if (!agreed.warp) return result;
   static_cast<FoundInstance&>(result) = InstanceOf(reference, mutual, std::move(agreed), ransac);
-  result.inlier_fraction = static_cast<double>(result.inliers.size()) / result.matches;
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
+  result.inlier_fraction =
+      std::min(1.0, static_cast<double>(result.inliers.size()) / result.matches);
+  Compare(reference, all, mutual, &result);
   return result;
 }
 
@@ -233,6 +296,14 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
     }
   }
   for (auto& [inliers, other] : others) result->others.push_back(std::move(other));
+  // The mutual matches of the first one are shared among the copies.
+  const auto best = std::ranges::max_element(result->others, {}, &FoundInstance::effective_inliers);
+  FoundInstance& first = *result;
+  if (best != result->others.end() && best->effective_inliers > first.effective_inliers) {
+    std::swap(first, *best);
+    std::ranges::stable_sort(result->others, std::greater<>(),
+                             [](const FoundInstance& other) { return other.inliers.size(); });
+  }
 }
 
 Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep) {
@@ -266,31 +337,6 @@ double EffectiveInliers(const Features& query, const Features& reference,
   }
   return std::accumulate(near.begin(), near.end(), 0.0,
                          [](double sum, int n) { return sum + 1.0 / n; });
-}
-
-double InliersByChance(std::size_t query_keypoints) {
-  constexpr double kUsual = 4.5;
-  constexpr double kAnOctave = 1.5;  // more for twice the keypoints, at most
-  constexpr double kUsualKeypoints = 2048;
-  const double octaves = std::log2(static_cast<double>(query_keypoints) / kUsualKeypoints);
-  return kUsual + kAnOctave * std::clamp(octaves, 0.0, 1.0);
-}
-
-double Evidence(double effective_inliers, double by_chance) {
-  constexpr double kOfAnyWarp = 0.25;
-  return effective_inliers <= 0 ? 0 : std::max(kOfAnyWarp, effective_inliers - by_chance);
-}
-
-double LiftScore(double ranking_score, double evidence) {
-  constexpr double kLeast = 1e-6;  // inliers can lift even the lowest score
-  if (evidence <= 0) return ranking_score;
-  const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, 4);
-  return lifted / (lifted + 1 - std::min(1 - kLeast, ranking_score));
-}
-
-double Probability(double score) {
-  constexpr double kOdds = 30;
-  return kOdds * score / (kOdds * score + 1 - score);
 }
 
 std::vector<Explanation> ExplainInstances(const Features& query, const Features& reference,

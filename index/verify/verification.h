@@ -33,6 +33,16 @@ struct VerificationOptions {
   TpsRansacOptions ransac = {};  // its tolerances are set from these
   int max_instances = 1;         // of the object in the query; at least 1
   int threads = 1;               // to match one pair; 0 = all cores
+  // VerificationResult::distinctness comes from so many keypoints of the query, the first ones. The
+  // fine details that a second pass adds after them resemble nothing. 0 = all.
+  std::size_t usual_keypoints = 0;
+};
+
+// Mean and mean squared length of descriptors. The bits of binary descriptors are components of 0
+// and 1, so that their squared distance is the Hamming distance.
+struct DescriptorSpread {
+  std::vector<double> mean;
+  double squared_length = 0;
 };
 
 // One instance of the object in the query image.
@@ -52,7 +62,16 @@ struct VerificationResult : FoundInstance {
   int matches = 0;                                       // tentative: mutual, within the ratio
   double inlier_fraction = 0;                            // inliers / matches; 0 without matches
   TpsRansacFailure failure = TpsRansacFailure::kTooFew;  // kNone when there is a warp
-  std::vector<FoundInstance> others;  // most inliers first; with max_instances above 1
+  // The others, most inliers first; with max_instances above 1. The first has the most effective
+  // inliers.
+  std::vector<FoundInstance> others;
+  // With a warp: how far the query's keypoints without an instance are from the reference's
+  // descriptors, as the median distance to the nearest, divided by the root mean square distance of
+  // any two. 0 to about 1: low if all details of the two images resemble each other.
+  double distinctness = 1;
+  // With a warp: share of the matches in the hull of the inliers, in the reference, that are
+  // inliers.
+  double agreeing = 1;
 
   bool verified() const { return warp.has_value(); }
 };
@@ -77,7 +96,10 @@ class Verifier {
   VerificationResult Verify(const Features& reference) const;
 
  private:
-  std::vector<Match> MatchesWith(const Features& reference) const;
+  std::vector<Match> MatchesWith(const Features& reference) const;  // with any ratio
+  // Sets distinctness and agreeing. `all`: of MatchesWith; `mutual`: those within the ratio.
+  void Compare(const Features& reference, const std::vector<Match>& all,
+               const std::vector<Match>& mutual, VerificationResult* result) const;
   void FindFurther(const Features& reference, const std::vector<Match>& matches,
                    VerificationResult* result) const;
   TpsRansacOptions RansacFor(const Features& reference) const;
@@ -89,6 +111,7 @@ class Verifier {
 
   const Features& query_;
   VerificationOptions options_;
+  DescriptorSpread spread_;  // of the query
 };
 
 // The keypoints that `keep` accepts, with their descriptors, in their order.
@@ -103,34 +126,6 @@ Features Subset(const Features& features, const std::function<bool(const Keypoin
 double EffectiveInliers(const Features& query, const Features& reference,
                         const std::vector<MatchedPair>& inliers, double query_radius,
                         double reference_radius);
-
-// Largest effective inlier count that a wrong image has by chance, with few exceptions: 4.5. It is
-// more for queries with over 2048 keypoints, up to 6 with 4096: a second pass finds twice the
-// matches, most of them wrong.
-double InliersByChance(std::size_t query_keypoints);
-
-// The effective inliers beyond those by chance: `effective_inliers` - `by_chance`, but never below
-// 0.25; 0 for 0 (no warp). Among the wrong images of street photographs with a warp, most have five
-// effective inliers or fewer, one in 25 has more than 5.5, and none of 124 has 7. Such evidence
-// raises an image only among its neighbours (see also DropWeakEvidence).
-double Evidence(double effective_inliers, double by_chance = 4.5);
-
-// The final score of a hit: evidence e multiplies the odds of the ranking's score s,
-//   score / (1 - score) = s / (1 - s) (1 + e)^4.
-// It never lowers a score. Hits without evidence keep their scores and their order. Ranking and
-// inliers balance at any number of inliers: a third more inliers count as much as a score 3.2 times
-// as high.
-double LiftScore(double ranking_score, double evidence);
-
-// The ranking score without any support: that of the best of a few hundred images without the
-// query's object. For pairs of images outside a search.
-inline constexpr double kNoResemblance = 0.002;
-
-// The probability that a hit of the ranking by neighbours with this final score is correct:
-//   p / (1 - p) = 30 score / (1 - score).
-// Fitted to the first hits of 323 street photographs of worn shirts. Half of the searches had the
-// correct object in the collection, half did not.
-double Probability(double score);
 
 // Explains why verification confirmed an image or did not: one explanation per instance; without
 // instances, one with the reason.

@@ -222,8 +222,8 @@ class Client:
 
     def compare(self, first: ImageLike | None = None, second: ImageLike | None = None, *, first_url: str | None = None,
                 second_url: str | None = None, explain: bool = False, channels: str = "RGB") -> Json:
-        """Whether two images show the same object, `{"verdict": "found" or "not_found", "probability": ...}`, and where
-        the object of the first is in the second ("polygon"). The server stores nothing. Pass each as an
+        """Whether two images show the same object, `{"verdict": "found", "perhaps" or "not_found", "probability": ...}`,
+        and where the object of the first is in the second ("polygon"). The server stores nothing. Pass each as an
         image, or as an address from which the server fetches it."""
         body: Json = {"explain": explain}
         for name, image, url in (("first", first, first_url), ("second", second, second_url)):

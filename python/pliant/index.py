@@ -252,7 +252,7 @@ def _region(region: Sequence[float] | None) -> list[float] | None:
 
 def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
     known: dict[str, Any] = {"offset": 0, "group_by": "object", "rank": "neighbours", "verify": "auto",
-                             "verify_depth": 0, "expand": None, "instances": 4, "closer_look": True, "region": None,
+                             "verify_depth": 0, "expand": None, "instances": 20, "closer_look": True, "region": None,
                              "min_score": 0.0, "object": None, "filter": None, "explain": False, "threads": 0}
     for name in given:
         if name not in known:

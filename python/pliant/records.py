@@ -72,8 +72,8 @@ class Hit:
 
 
 class SearchResult(list["Hit"]):
-    """The hits, best first. `total`: hits over all pages. `verdict`: "found", "undecided" (one of several similar
-    objects) or "not_found". `found`: hits with a probability of 0.9 or more. Both are None for hits without a
+    """The hits, best first. `total`: hits over all pages. `verdict`: "found", "perhaps" (the first hit has a probability
+    of 0.2 or more) or "not_found". `found`: hits with a probability of 0.9 or more. Both are None for hits without a
     probability. `document`: the whole answer as `pliant query --json` prints it (took_ms, timings, vocabulary, ...)."""
 
     def __init__(self, document: dict[str, Any]) -> None:

@@ -89,7 +89,7 @@ constexpr const char* kSchemas = R"json({
     "examples[]?": {"": "with image_ids", "image_id": "string", "keypoints": "integer",
       "width": "integer", "height": "integer"},
     "total": "integer: number of hits over all pages",
-    "verdict": "'found'|'undecided'|'not_found'|null: undecided: similar objects are as probable",
+    "verdict": "'found'|'perhaps'|'not_found'|null: perhaps: the first hit has a probability of 0.2 or more",
     "found": "integer|null: number of hits with a probability of 0.9 or more",
     "hits": "Hit[]", "timings": {"...": "number"}},
   "SearchBatchAnswer": {
@@ -122,7 +122,7 @@ constexpr const char* kSchemas = R"json({
   "ComparedImage": {"width": "integer", "height": "integer", "keypoints": "integer"},
   "Comparison": {
     "took_ms": "number",
-    "verdict": "'found'|'not_found': found: the probability is 0.9 or more",
+    "verdict": "'found'|'perhaps'|'not_found': found: the probability is 0.9 or more; perhaps: 0.2 or more",
     "probability": "share: that both images show the same object",
     "first": "ComparedImage", "second": "ComparedImage",
     "matches": "integer: pairs of similar keypoints",

@@ -15,7 +15,7 @@ import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "
 import { link, noteAddress, pushAddress, showing } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
-import { adviceWords, isWeak, sharing, verdictWords } from "./words.js";
+import { adviceWords, isWeak, verdictWords } from "./words.js";
 
 const status = byId("search-status");
 
@@ -110,7 +110,7 @@ const isStored = (hit) => !isLeaving(api.imagePath(hit.image_id)) && !isLeaving(
 const named = (hit) => ({ ...hit, name: objectName(hit.object, hit.source) });
 
 function showAnswer(answer, offset, how) {
-  const fresh = (answer.verdict === "undecided" && !offset ? sharing(answer.hits) : answer.hits).filter(isStored).map(named);
+  const fresh = answer.hits.filter(isStored).map(named);
   if (!offset) forgetHits();
   const before = hits.length;
   received = offset + answer.hits.length;

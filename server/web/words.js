@@ -59,34 +59,22 @@ export function problemWords(status, body, retryAfterS = 0, isWrongKey = false) 
   return (kProblems[body?.code] ?? kStatuses[status] ?? body?.detail ?? `The server answered with status ${status}.`) + later;
 }
 
-// How sure a hit is: the one scale for words, bars, verdicts and folding. The server also counts a hit as found
-// from kFound on. "weak" hits are folded away.
+// How sure a hit is: the one scale for words, bars, verdicts and folding, as in the server's verdict. "weak" hits are
+// folded away.
 const kFound = 0.9;
 const kGrades = [
   { least: kFound, words: "Found", grade: "found" },
-  { least: 0.5, words: "Perhaps", grade: "perhaps" },
+  { least: 0.2, words: "Perhaps", grade: "perhaps" },
   { least: 0, words: "Unlikely", grade: "weak" },
 ];
 
-// { words, grade, share: 0..1 for the bar, percent: text, or "" }. isOneOf: see sharing(). Without verification
-// there is no probability, and a score is never sure.
-export function scoreWords({ score, probability, isOneOf = false }) {
+// { words, grade, share: 0..1 for the bar, percent: text, or "" }. Without verification there is no probability, and
+// a score is never sure.
+export function scoreWords({ score, probability }) {
   const value = probability ?? score;
-  const { words, grade } = isOneOf || (probability === null && score >= kFound) ? kGrades[1] : kGrades.find(({ least }) => value >= least);
-  // Never 100 %: little tells near twins apart.
-  const percent = probability === null ? "" : value > 0.99 ? "> 99 %" : value < 0.01 ? "< 1 %" : `${Math.round(100 * value)} %`;
+  const { words, grade } = probability === null && score >= kFound ? kGrades[1] : kGrades.find(({ least }) => value >= least);
+  const percent = probability === null ? "" : `${Math.round(100 * value)} %`;
   return { words, grade, share: value, percent };
-}
-
-// Marks (isOneOf) the first hits of an undecided answer: similar objects that together have the probability of one find.
-export function sharing(hits) {
-  const least = 0.1 * Math.max(...hits.map(({ probability }) => probability));
-  let sum = 0;
-  return hits.map((hit) => {
-    const isOneOf = sum < kFound && hit.probability >= least;
-    sum += hit.probability;
-    return { ...hit, isOneOf };
-  });
 }
 
 export const isFound = (hit) => scoreWords(hit).grade === "found";

@@ -31,6 +31,7 @@ SETS = (
     RealSet("worn-shirts", "pairs", "top1", "top-1"),
     RealSet("packages", "labels", "top1", "top-1"),
     RealSet("banknotes", "labels", "top1", "top-1"),
+    RealSet("beer-labels", "pairs", "top1", "top-1"),
     RealSet("deforming", "objects", "map", "mAP"),
 )
 

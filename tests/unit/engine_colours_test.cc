@@ -119,7 +119,7 @@ TEST_F(EngineColoursTest, ToAGreyQueryTheyAreAlike) {
   const SearchResult result = Search(OtherView(ToGrey(Tinted(1, 16))));
   ASSERT_GE(result.hits.size(), 3U);
   EXPECT_NEAR(result.hits[0].score, result.hits[1].score, 1e-3);
-  EXPECT_NEAR(result.hits[0].probability.value(), result.hits[1].probability.value(), 1e-3);
+  EXPECT_NEAR(result.hits[0].probability.value(), result.hits[1].probability.value(), 0.02);
   EXPECT_FALSE(result.hits[0].explanation->colour_difference);
   EXPECT_NE(result.hits[2].object.substr(0, 3), "red");
 }

@@ -38,27 +38,72 @@ TEST_F(EngineTest, OfTwoObjectsThatLookTheSameNeitherIsFound) {
   Add(engine, NoisyPng(same, 2), "another");
   for (std::uint64_t i = 2; i <= 8; ++i) Add(engine, RandomPng(i), "o" + std::to_string(i));
   Train(engine, 200);
-  const auto expect_undecided = [](const SearchResult& result) {
+  const auto expect_perhaps = [](const SearchResult& result) {
     ASSERT_GE(result.hits.size(), 2U);
     EXPECT_EQ(result.found, 0U);
-    EXPECT_TRUE(result.undecided);
+    EXPECT_TRUE(result.perhaps);
     EXPECT_THAT((std::vector{result.hits[0].object, result.hits[1].object}),
                 ::testing::UnorderedElementsAre("one", "another"));
     EXPECT_GT(*result.hits[0].probability + *result.hits[1].probability, kFoundProbability);
-    EXPECT_EQ(SearchResultJson(result, 1)["verdict"], "undecided");
+    EXPECT_EQ(SearchResultJson(result, 1)["verdict"], "perhaps");
   };
-  expect_undecided(engine.Search(NoisyPng(same, 3), {}));
+  expect_perhaps(engine.Search(NoisyPng(same, 3), {}));
   Add(engine, NoisyPng(same, 4), "", "photo");
-  expect_undecided(engine.SearchExamples({"photo"}, {}));
+  expect_perhaps(engine.SearchExamples({"photo"}, {}));
 
   const SearchResult found = engine.Search(OtherViewPng(5), {});
   EXPECT_EQ(found.found, 1U);
-  EXPECT_FALSE(found.undecided);
+  EXPECT_FALSE(found.perhaps);
   EXPECT_EQ(SearchResultJson(found, 1)["verdict"], "found");
   const SearchResult absent = engine.Search(RandomPng(99), {});
   EXPECT_EQ(absent.found, 0U);
-  EXPECT_FALSE(absent.undecided);
+  EXPECT_FALSE(absent.perhaps);
   EXPECT_EQ(SearchResultJson(absent, 1)["verdict"], "not_found");
+}
+
+TEST_F(EngineTest, NoHitStandsBelowALessProbableOne) {
+  Engine engine(Options());
+  for (std::uint64_t i = 1; i <= 40; ++i) {
+    Add(engine, i % 4 == 0 ? NoisyPng(RandomImage(i / 8, 320, 240), i) : RandomPng(i),
+        "o" + std::to_string(i % 30));
+  }
+  Train(engine, 200);
+  for (std::uint64_t i = 1; i <= 60; ++i) {
+    SearchOptions options;
+    options.limit = 0;
+    options.group_by = i % 2 == 0 ? GroupBy::kImage : GroupBy::kObject;
+    const auto photo = i % 3 == 0 ? NoisyPng(RandomImage(i / 9, 320, 240), 99) : OtherViewPng(i);
+    const SearchResult result = engine.Search(photo, options);
+    for (std::size_t k = 1; k < result.hits.size(); ++k) {
+      const Hit& better = result.hits[k - 1];
+      const Hit& worse = result.hits[k];
+      ASSERT_GE(*better.probability, *worse.probability) << i << ", hit " << k;
+      if (*better.probability == *worse.probability && worse.inliers > 0) {
+        EXPECT_GE(better.score, worse.score) << i << ", hit " << k;
+      }
+    }
+  }
+}
+
+// A board is a part of any larger one, and both have corners only.
+TEST_F(EngineTest, ABoardWithMoreFieldsIsNotFound) {
+  const auto board = [](int fields) {
+    Image image{600, 600, 1, std::vector<std::uint8_t>(360'000)};
+    for (int y = 0; y < 600; ++y) {
+      for (int x = 0; x < 600; ++x) {
+        image.pixels[static_cast<std::size_t>(600 * y + x)] =
+            (x * fields / 600 + y * fields / 600) % 2 == 0 ? 10 : 245;
+      }
+    }
+    return EncodePng(image);
+  };
+  Engine engine(Options());
+  Add(engine, board(8), "board");
+  for (std::uint64_t i = 1; i <= 8; ++i) Add(engine, RandomPng(i), "o" + std::to_string(i));
+  Train(engine, 200);
+  for (const int fields : {10, 13}) {
+    EXPECT_EQ(engine.Search(board(fields), {}).found, 0U) << fields;
+  }
 }
 
 TEST_F(EngineTest, ASecondPassIsMadeWhereNothingIsFound) {

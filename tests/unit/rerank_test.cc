@@ -44,7 +44,7 @@ TEST(KeepExclusiveMatches, OfTwoObjectsWithPartsInCommonTheNearerOneIsFirst) {
   KeepExclusiveMatches(&images);
   EXPECT_DOUBLE_EQ(images[1].evidence, 35.5);                        // all are its own
   EXPECT_DOUBLE_EQ(images[0].evidence, 40.5 * std::sqrt(5.0 / 45));  // 40..44 only
-  SortByScore(&images);
+  SortByProbability(&images);
   EXPECT_EQ(images.front().image.object, 1);
 }
 

@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// What inliers and the ranking together say about a hit: evidence, score and probability. Pure
+// functions.
+#pragma once
+
+#include <cstddef>
+
+namespace pliant {
+
+// All that is tuned here. Fitted to real photos of worn shirts, packages, banknotes and labels,
+// half of the searches without their object, and to drawn pages, codes and patterns that resemble
+// each other (tests/accuracy/make_lookalikes.py).
+struct JudgementConstants {
+  // Effective inliers of a wrong image. Among the wrong images of street photographs with a warp,
+  // most have five or fewer, one in 25 has more than 5.5, and none of 124 has 7.
+  double inliers_by_chance = 4.5;
+  // More of them for twice the keypoints: a second pass finds twice the matches, most of them
+  // wrong.
+  double more_an_octave = 1.5;
+  double usual_keypoints = 2048;  // from here on, for one octave
+  // Distance between unrelated descriptors, as a share of the distance of any two (see
+  // Distinctness). Real photos have 0.65 to 0.8, pages of text or codes 0.2 to 0.5.
+  double usual_distinctness = 0.7;
+  // The inliers by chance grow with exp(growth (usual_distinctness - distinctness) / agreeing^2).
+  double growth = 4;
+  double least_evidence = 0.25;  // of any warp: a hint
+  // Evidence e multiplies the odds by (1 + e)^power: a third more inliers count as much as a
+  // ranking score 3.2 times as high.
+  double power = 4;
+  double odds = 30;  // of a hit per odds of its score, in photos of worn shirts
+  // Probabilities are told in whole steps of 1 / steps, and are never 0 or 1: of 100 hits that are
+  // found, one is wrong. The score orders equal ones.
+  double steps = 100;
+  // The ranking counts up to this score. Without evidence no hit is more probable than 0.19, so
+  // that the verdict is neither found nor perhaps.
+  double most_of_ranking = 0.008;
+};
+inline constexpr JudgementConstants kJudgement;
+
+// Largest effective inlier count that a wrong image has by chance, with few exceptions.
+// `distinctness`: how far apart unrelated descriptors of the two images are (VerificationResult).
+// `agreeing`: share of the matches in the seen part of the reference that are inliers, above 0.
+// Text, codes, bricks or knit consist of similar details, so many of them agree by chance; and
+// then other matches in the same part contradict them.
+double InliersByChance(std::size_t query_keypoints, double distinctness = 1, double agreeing = 1);
+
+// The effective inliers beyond those by chance: `effective_inliers` - `by_chance`, but never below
+// kJudgement.least_evidence; 0 for 0 (no warp). Weak evidence raises an image only among its
+// neighbours (see also DropWeakEvidence).
+double Evidence(double effective_inliers, double by_chance = kJudgement.inliers_by_chance);
+
+// The final score of a hit: evidence e multiplies the odds of the ranking's score s,
+//   score / (1 - score) = s / (1 - s) (1 + e)^4.
+// It never lowers a score.
+double LiftScore(double ranking_score, double evidence);
+
+// The ranking score without any support: that of the best of a few hundred images without the
+// query's object. For pairs of images outside a search.
+inline constexpr double kNoResemblance = 0.002;
+
+// The probability that a hit of the ranking by neighbours is correct:
+//   p / (1 - p) = 30 s / (1 - s) (1 + e)^4,   s = min(ranking_score, 0.008).
+// The limit of s means: without evidence nothing is found. The least evidence counts as none.
+double Probability(double ranking_score, double evidence);
+
+// In whole steps (JudgementConstants::steps).
+double Rounded(double probability);
+
+}  // namespace pliant

@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/verify/judgement.h"
+
+#include <gtest/gtest.h>
+
+#include "index/records/search.h"
+
+namespace pliant {
+namespace {
+
+TEST(Judgement, CombinedScoresNeverFallAndStayBelowOne) {
+  for (const double score : {0.0, 1e-5, 0.2, 0.9, 1.0}) {
+    EXPECT_EQ(LiftScore(score, Evidence(0)), score);  // no warp
+    double before = score;
+    for (int inliers = 5; inliers < 500; ++inliers) {
+      const double combined = LiftScore(score, Evidence(inliers));
+      if (score < 1) {
+        EXPECT_GT(combined, before);
+        EXPECT_LT(combined, 1);
+      } else {
+        EXPECT_LE(combined, 1);
+      }
+      before = combined;
+    }
+  }
+}
+
+// However many inliers there are, more of them and a higher score of the ranking both count.
+TEST(Judgement, InliersMultiplyTheOdds) {
+  const auto combined = [](double score, double inliers) {
+    return LiftScore(score, Evidence(inliers));
+  };
+  EXPECT_NEAR(combined(0.5, 6), 39.0625 / 40.0625, 1e-12);
+  EXPECT_NEAR(combined(0.2, 14), 12155.0625 / 12159.0625, 1e-12);
+  EXPECT_GT(combined(0.02, 84), combined(0.02, 48));
+  EXPECT_GT(combined(0.02, 358), combined(0.02, 200));
+  EXPECT_GT(combined(0.03, 200), combined(0.02, 210));
+  EXPECT_GT(combined(0.02, 15), combined(0.2, 5));
+  EXPECT_GT(combined(0.02, 1), 0.02) << "any warp is a hint";
+  EXPECT_EQ(combined(0.02, 1), combined(0.02, 4.75));
+}
+
+TEST(Judgement, TheMoreKeypointsTheMoreInliersAgreeByChance) {
+  EXPECT_DOUBLE_EQ(InliersByChance(0), 4.5);
+  EXPECT_DOUBLE_EQ(InliersByChance(2048), 4.5);
+  EXPECT_NEAR(InliersByChance(2896), 5.25, 1e-3);
+  EXPECT_DOUBLE_EQ(InliersByChance(4096), 6);
+  EXPECT_DOUBLE_EQ(InliersByChance(100'000), 6);
+  EXPECT_DOUBLE_EQ(Evidence(8), 3.5);
+  EXPECT_DOUBLE_EQ(Evidence(8, 6), 2);
+  EXPECT_DOUBLE_EQ(Evidence(5, 6), 0.25) << "a warp is a hint";
+  EXPECT_DOUBLE_EQ(Evidence(0, 6), 0);
+}
+
+TEST(Judgement, WhereAllDetailsResembleEachOtherMoreInliersAgreeByChance) {
+  EXPECT_DOUBLE_EQ(InliersByChance(500, 0.8, 0.5), 4.5) << "photos";
+  EXPECT_GT(InliersByChance(500, 0.6, 0.5), 15) << "codes";
+  EXPECT_GT(InliersByChance(500, 0.3, 0.9), 25) << "text, though most matches agree";
+  EXPECT_GT(InliersByChance(500, 0.6, 0.4), InliersByChance(500, 0.6, 0.5));
+  EXPECT_GT(InliersByChance(500, 0.5, 0.5), InliersByChance(500, 0.6, 0.5));
+}
+
+TEST(Judgement, WithoutEvidenceNothingIsFound) {
+  for (const double ranked : {0.0, 0.01, 0.5, 1.0}) {
+    EXPECT_LT(Probability(ranked, 0), kPerhapsProbability);
+  }
+  EXPECT_EQ(Probability(0.02, 0.25), Probability(0.02, 0)) << "a warp is a hint, for the order";
+  EXPECT_GT(Probability(0.002, 3.5), kFoundProbability);
+}
+
+TEST(Judgement, ProbabilitiesAreWholePercentages) {
+  EXPECT_EQ(Rounded(0), 0.01);
+  EXPECT_EQ(Rounded(0.374), 0.37);
+  EXPECT_EQ(Rounded(0.896), 0.9);
+  EXPECT_EQ(Rounded(1), 0.99);
+}
+
+}  // namespace
+}  // namespace pliant
