@@ -19,8 +19,8 @@ struct JudgementConstants {
   // wrong.
   double more_an_octave = 1.5;
   double usual_keypoints = 2048;  // from here on, for one octave
-  // Distance between unrelated descriptors, as a share of the distance of any two (see
-  // Distinctness). Real photos have 0.65 to 0.8, pages of text or codes 0.2 to 0.5.
+  // VerificationResult::distinctness of unrelated photos: 0.65 to 0.8. Pages of text, codes or knit
+  // have 0.2 to 0.6.
   double usual_distinctness = 0.7;
   // The inliers by chance grow with exp(growth (usual_distinctness - distinctness) / agreeing^2).
   double growth = 4;
