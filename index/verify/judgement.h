@@ -19,11 +19,11 @@ struct JudgementConstants {
   // wrong.
   double more_an_octave = 1.5;
   double usual_keypoints = 2048;  // from here on, for one octave
-  // VerificationResult::distinctness of unrelated photos: 0.65 to 0.8. Pages of text, codes or knit
-  // have 0.2 to 0.6.
-  double usual_distinctness = 0.7;
+  // From this VerificationResult::distinctness on, details do not resemble each other: photos have
+  // 0.9 to 1.1, pages of text, codes or knit 0.3 to 0.8.
+  double usual_distinctness = 0.97;
   // The inliers by chance grow with exp(growth (usual_distinctness - distinctness) / agreeing^2).
-  double growth = 4;
+  double growth = 2.9;
   double least_evidence = 0.25;  // of any warp: a hint
   // Evidence e multiplies the odds by (1 + e)^power: a third more inliers count as much as a
   // ranking score 3.2 times as high.

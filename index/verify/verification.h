@@ -66,8 +66,9 @@ struct VerificationResult : FoundInstance {
   // inliers.
   std::vector<FoundInstance> others;
   // With a warp: how far the query's keypoints without an instance are from the reference's
-  // descriptors, as the median distance to the nearest, divided by the root mean square distance of
-  // any two. 0 to about 1: low if all details of the two images resemble each other.
+  // descriptors: the median distance to the nearest, divided by the root mean square distance of
+  // any two, relative to unrelated photos with these descriptors. About 1 for photos, down to 0 if
+  // all details of the two images resemble each other.
   double distinctness = 1;
   // With a warp: share of the matches in the hull of the inliers, in the reference, that are
   // inliers.
