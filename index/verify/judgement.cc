@@ -12,7 +12,8 @@ double InliersByChance(std::size_t query_keypoints, double distinctness, double 
   const double octaves = std::log2(static_cast<double>(query_keypoints) / k.usual_keypoints);
   const double usual = k.inliers_by_chance + k.more_an_octave * std::clamp(octaves, 0.0, 1.0);
   const double alike = std::max(0.0, k.usual_distinctness - distinctness);
-  return usual * std::exp(k.growth * alike / (agreeing * agreeing));
+  const double growth = std::exp(k.growth * alike * (1 / (agreeing * agreeing) - 1));
+  return usual * std::min(k.most_growth, growth);
 }
 
 double Evidence(double effective_inliers, double by_chance) {

@@ -22,8 +22,10 @@ struct JudgementConstants {
   // From this VerificationResult::distinctness on, details do not resemble each other: photos have
   // 0.9 to 1.1, pages of text, codes or knit 0.3 to 0.8.
   double usual_distinctness = 0.97;
-  // The inliers by chance grow with exp(growth (usual_distinctness - distinctness) / agreeing^2).
-  double growth = 2.9;
+  // Inliers by chance grow with exp(growth (usual_distinctness - distinctness) (1 / agreeing^2 -
+  // 1)).
+  double growth = 4;
+  double most_growth = 9;        // pages with more inliers by chance were not seen
   double least_evidence = 0.25;  // of any warp: a hint
   // Evidence e multiplies the odds by (1 + e)^power: a third more inliers count as much as a
   // ranking score 3.2 times as high.
