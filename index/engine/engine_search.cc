@@ -163,8 +163,7 @@ void Conclude(const Features& query, std::size_t usual_keypoints, const Features
   comparison->outline.clear();
   for (const Vec2 p : result.outline) comparison->outline.push_back({p.x, p.y});
   const double evidence =
-      Evidence(result.effective_inliers,
-               InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing));
+      Evidence(result.effective_inliers, InliersByChance(query.keypoints.size()));
   comparison->probability = Rounded(Probability(kNoResemblance, evidence));
 }
 
