@@ -163,7 +163,8 @@ void Conclude(const Features& query, std::size_t usual_keypoints, const Features
   comparison->outline.clear();
   for (const Vec2 p : result.outline) comparison->outline.push_back({p.x, p.y});
   const double evidence =
-      Evidence(result.effective_inliers, InliersByChance(query.keypoints.size()));
+      Evidence(result.effective_inliers,
+               InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing));
   comparison->probability = Rounded(Probability(kNoResemblance, evidence));
 }
 

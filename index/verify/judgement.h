@@ -42,7 +42,7 @@ inline constexpr JudgementConstants kJudgement;
 
 // Largest effective inlier count that a wrong image has by chance, with few exceptions.
 // `distinctness`: how far apart unrelated descriptors of the two images are (VerificationResult).
-// `agreeing`: share of the matches in the seen part of the reference that are inliers, above 0.
+// `agreeing`: share of the matches at the object's place in the query that are inliers, above 0.
 // Text, codes, bricks or knit consist of similar details, so many of them agree by chance; and
 // then other matches in the same part contradict them.
 double InliersByChance(std::size_t query_keypoints, double distinctness = 1, double agreeing = 1);

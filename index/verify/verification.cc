@@ -204,11 +204,10 @@ void Verifier::Compare(const Features& reference, const std::vector<Match>& all,
     result->distinctness = std::sqrt((is_squared ? nearest : nearest * nearest) / any) /
                            UsualDistinctness(query_.model_id);
   }
-  const auto hull =
-      ConvexHull(PointsOf(reference.keypoints, result->inliers, &MatchedPair::reference));
+  const auto hull = ConvexHull(PointsOf(query_.keypoints, result->inliers, &MatchedPair::query));
   const auto contradicting = std::ranges::count_if(mutual, [&](const Match& match) {
-    const Keypoint& r = reference.keypoints[match.query];
-    return !is_inlier[match.reference] && IsInside({r.x, r.y}, hull);
+    const Keypoint& q = query_.keypoints[match.reference];
+    return !is_inlier[match.reference] && IsInside({q.x, q.y}, hull);
   });
   const auto inliers = static_cast<double>(result->inliers.size());
   result->agreeing = inliers / (inliers + static_cast<double>(contradicting));

@@ -70,8 +70,7 @@ struct VerificationResult : FoundInstance {
   // any two, relative to unrelated photos with these descriptors. About 1 for photos, down to 0 if
   // all details of the two images resemble each other.
   double distinctness = 1;
-  // With a warp: share of the matches in the hull of the inliers, in the reference, that are
-  // inliers.
+  // With a warp: share of the matches in the hull of the inliers, in the query, that are inliers.
   double agreeing = 1;
 
   bool verified() const { return warp.has_value(); }

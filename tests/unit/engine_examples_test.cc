@@ -118,11 +118,11 @@ TEST_F(ExamplesTest, TwoImagesAreCompared) {
   EXPECT_THAT(engine.List({}), IsEmpty()) << "nothing is stored";
 }
 
-// The first image is a small part of the second: 32 of 900 pixels wide.
+// The first image is a small part of the second: 40 of 900 pixels wide.
 TEST_F(ExamplesTest, AComparisonMakesASecondPassIfNothingIsFound) {
   Engine engine(Options());
   const Image print = RandomImage(1, 320, 240);
-  const Image small = ResizeImage(print, 32, 24);
+  const Image small = ResizeImage(print, 40, 30);
   Image scene = RandomImage(2, 900, 660);
   const Comparison without = engine.Compare(EncodePng(print), EncodePng(scene), 1);
   EXPECT_FALSE(without.found());
