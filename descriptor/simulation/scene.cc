@@ -223,6 +223,10 @@ void Validate(const SceneOptions& options) {
           "a probability in [0, 1]");
   Require(options.turn_deg >= 0.0F && options.turn_deg <= 3600.0F, "turn_deg", "0..3600 degrees");
   Require(options.least_scale >= 0.1F && options.least_scale <= 1.0F, "least_scale", "0.1..1");
+  Require(options.printed >= 0.0F && options.printed <= 1.0F, "printed", "a probability in [0, 1]");
+  Require(options.least_width > 0.0F && options.least_width <= options.most_width &&
+              options.most_width <= 1.0F,
+          "least_width", "in (0, most_width], at most 1");
   Require(options.cells >= 8 && options.cells <= 128, "cells", "8..128");
   Require(options.refine >= 1 && options.refine <= 8, "refine", "1..8");
 }

@@ -43,6 +43,11 @@ struct SceneOptions {
   // Sequences: how far the camera turns about its axis at most, and the least scale it ends at.
   float turn_deg = 60.0F;
   float least_scale = 0.5F;
+  // Preset street: probability that the scene shows a drawing on cloth, not the texture itself; and
+  // how wide the print is, in widths of the view, before the view is enlarged (log-uniform).
+  float printed = 0.7F;
+  float least_width = 55.0F / 480.0F;
+  float most_width = 220.0F / 480.0F;
   int cells = 34;  // simulated cells along the longer side
   int refine = 3;  // drawn cells per simulated cell and axis
 };

@@ -53,7 +53,7 @@ PrintPlace DrawPlace(const Body& body, float aspect, Random& random) {
 Subject DrawSubject(Stage& stage, Random& random) {
   Subject subject;
   const Texture& own = *stage.cast[0];
-  subject.printed = random.Chance(0.7F);
+  subject.printed = random.Chance(stage.options.printed);
   subject.name = own.name();
   if (subject.printed) subject.artwork = DrawArtwork(random, &own);
   stage.body = DrawStreetBody(subject, own.aspect(), stage.options.cells, random);
@@ -144,10 +144,11 @@ Garment Dress(Stage& stage, const Subject& subject, bool flat, Random& random) {
 Focus DrawFocus(const Stage& stage, const Subject& subject, float enlarge, Random& random) {
   const auto w = static_cast<float>(stage.options.width);
   const auto h = static_cast<float>(stage.options.height);
-  const float unit = w / 480.0F;  // sizes are meant for images of this width
   Focus focus;
   focus.place = subject.place;
-  focus.width_px = std::min(unit * random.LogUniform(55.0F, 220.0F) * enlarge, 0.75F * w);
+  focus.width_px = 
+      w * std::min(0.75F, enlarge * random.LogUniform(stage.options.least_width,
+                                                      stage.options.most_width));
   focus.at = {w * random.Uniform(0.28F, 0.72F), h * random.Uniform(0.28F, 0.72F)};
   return focus;
 }

@@ -13,6 +13,7 @@ namespace pliant::cli {
 
 void AddIndexCommand(CLI::App& program, ExitStatus& status);
 void AddQueryCommand(CLI::App& program, ExitStatus& status);
+void AddSelfTestCommand(CLI::App& program, ExitStatus& status);
 void AddVocabCommand(CLI::App& program, ExitStatus& status);
 void AddDbCommand(CLI::App& program, ExitStatus& status);
 void AddDescribeCommand(CLI::App& program, ExitStatus& status);

@@ -79,6 +79,7 @@ void AddCommands(CLI::App& program, ExitStatus& status) {
   program.option_defaults()->always_capture_default();  // of the commands, too
   AddIndexCommand(program, status);
   AddQueryCommand(program, status);
+  AddSelfTestCommand(program, status);
   AddVocabCommand(program, status);
   AddDbCommand(program, status);
   AddDescribeCommand(program, status);

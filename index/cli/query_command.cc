@@ -45,7 +45,7 @@ struct Options {
 void PrintText(const SearchResult& result, const Json& document, double took_ms) {
   if (!result.hits.empty()) {
     if (result.perhaps) {
-      Print("perhaps: no hit has a probability of {:.1f} or more", kFoundProbability);
+      Print("perhaps: no hit has a probability of {:.1f} or more", result.found_from);
     } else if (result.found == std::size_t{0}) {
       Print("not found: no hit has a probability of {:.1f} or more", kPerhapsProbability);
     }

@@ -105,9 +105,10 @@ class EngineImages {
   std::vector<std::string> ListCollections();
   std::vector<CollectionLabel> ListLabels();  // the same, with display names and aliases
   bool RemoveCollection(const std::string& name);
-  // kNotFound as GetCollection; kInvalidArgument "display_name_invalid".
+  // kNotFound as GetCollection; kInvalidArgument "display_name_invalid", "found_from_invalid".
   CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);
   CollectionRecord GetCollection(const std::string& name);  // kNotFound "collection_not_found"
+  std::string GetSelfTest(const std::string& name);         // CollectionChange::self_test
 
   // Aliases: other names of collections, valid wherever a collection is named. Only
   // RemoveCollection refuses them (kConflict "collection_is_alias"). CollectionName: the

@@ -103,11 +103,20 @@ void EngineImages::ChangeAliases(const AliasChanges& changes) {
 CollectionRecord EngineImages::ChangeCollection(const std::string& name,
                                                 const CollectionChange& change) {
   if (change.display_name) CheckDisplayName(*change.display_name);
+  if (change.found_from &&
+      !(*change.found_from >= kLeastFoundFrom && *change.found_from <= kMostFoundFrom)) {
+    throw Error(ErrorCode::kInvalidArgument, "found_from_invalid",
+                "found_from must be 0.5 to 0.99.");
+  }
   return core_.writer().ChangeCollection(name, change);
 }
 
 CollectionRecord EngineImages::GetCollection(const std::string& name) {
   return core_.catalogue().DescribeCollection(name);
+}
+
+std::string EngineImages::GetSelfTest(const std::string& name) {
+  return core_.catalogue().SelfTestOf(name);
 }
 
 bool EngineImages::RemoveCollection(const std::string& name) {

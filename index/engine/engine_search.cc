@@ -375,18 +375,12 @@ SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_
     result.words = one.words;
     result.keypoints += one.keypoints;
     if (one.found) result.found = 0;
+    result.found_from = one.found_from;
     merger.Add(id, std::move(one.hits));
   }
   std::vector<Hit> hits = merger.Take();
   result.total = hits.size();
-  if (result.found) {
-    result.found =
-        static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const Hit& hit) {
-          return hit.probability && *hit.probability >= kFoundProbability;
-        }));
-    result.perhaps =
-        *result.found == 0 && !hits.empty() && hits.front().probability >= kPerhapsProbability;
-  }
+  if (result.found) Judge(hits, &result);
   result.hits = PageOf(std::move(hits), options);
   return result;
 }

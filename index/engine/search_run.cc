@@ -181,7 +181,8 @@ SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionVi
         return ToRankOptions();
       }()),
       cache_(source, &rank_.admission, query.model_id),
-      ranking_(Rank(rank_)) {}
+      ranking_(Rank(rank_)),
+      found_from_(source->RequireCollection(options.collection).found_from) {}
 
 Ranking SearchRun::Rank(const RankOptions& options) {
   const ScopedStopwatch watch(&timings_.rank_ms);
@@ -193,18 +194,14 @@ SearchResult SearchRun::Run(const Features& features) {
   std::vector<VerifiedImage> hits = Verified(features, &ranking);
   SearchResult result;
   result.rank = rank_.method;
+  result.found_from = found_from_;
   result.total = hits.size() + ranking.total;
   if (!hits.empty()) result.evidence = hits.front().evidence;
   if (KnowsProbabilities()) {
-    result.found =
-        static_cast<std::size_t>(std::count_if(hits.begin(), hits.end(), [](const auto& hit) {
-          return hit.probability >= kFoundProbability;
-        }));
-    undecided_ = result.found == std::size_t{0} && std::ranges::any_of(hits, [](const auto& hit) {
-                   return Probability(hit.ranking_score, hit.evidence) >= kFoundProbability;
+    Judge(hits, &result);
+    undecided_ = result.found == std::size_t{0} && std::ranges::any_of(hits, [&](const auto& hit) {
+                   return Probability(hit.ranking_score, hit.evidence) >= found_from_;
                  });
-    result.perhaps = result.found == std::size_t{0} && !hits.empty() &&
-                     hits.front().probability >= kPerhapsProbability;
   }
   // Images that were not verified are no more probable than those that were: these ranked higher.
   double most = hits.empty() ? 1 : hits.back().probability;

@@ -4,6 +4,7 @@
 // verifies the same ranking with more features of the query. Private to engine/.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -46,6 +47,16 @@ class CandidateCache {
 
 class CandidateVerifier;
 
+// Sets `found` and `perhaps` by the probabilities of all hits, best first, and result->found_from.
+template <typename Hits>
+void Judge(const Hits& hits, SearchResult* result) {
+  const auto found = std::ranges::count_if(
+      hits, [&](const auto& hit) { return hit.probability >= result->found_from; });
+  result->found = static_cast<std::size_t>(found);
+  result->perhaps =
+      found == 0 && !hits.empty() && hits.front().probability >= kPerhapsProbability;
+}
+
 class SearchRun {
  public:
   // All must outlive it. The view must have a vocabulary. Ranks by `query`.
@@ -86,6 +97,7 @@ class SearchRun {
   std::optional<Ranking> deeper_;  // set when a pass needs it
   std::size_t depth_ = 0;          // images that this pass verifies
   bool undecided_ = false;
+  const double found_from_;  // CollectionRecord
 };
 
 }  // namespace pliant

@@ -74,6 +74,7 @@ Json CollectionJson(const CollectionRecord& collection) {
           {"descriptors", collection.descriptors},
           {"vocabulary",
            collection.vocabulary ? VocabularyJson(*collection.vocabulary) : Json(nullptr)},
+          {"found_from", collection.found_from},
           {"created_at", IsoTime(collection.created_ms)}};
 }
 

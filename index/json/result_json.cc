@@ -75,11 +75,18 @@ Json VerdictJson(const SearchResult& result) {
   return VerdictText(*result.found > 0, result.perhaps);
 }
 
-Json HitJson(const Hit& hit) {
+Json HitVerdict(const Hit& hit, double found_from) {
+  if (!hit.probability) return nullptr;
+  if (*hit.probability >= found_from) return "found";
+  return *hit.probability >= kPerhapsProbability ? "perhaps" : "unlikely";
+}
+
+Json HitJson(const Hit& hit, double found_from) {
   Json json = {{"rank", hit.rank},
                {"object", TextOrNull(hit.object)},
                {"score", hit.score},
                {"probability", NumberOrNull(hit.probability)},
+               {"verdict", HitVerdict(hit, found_from)},
                {"image_id", hit.image_id},
                {"source", hit.source},
                {"inliers", hit.inliers},
@@ -98,7 +105,7 @@ double Hundredths(double pixels) { return std::round(pixels * 100) / 100; }
 
 Json SearchResultJson(const SearchResult& result, double took_ms) {
   Json hits = Json::array();
-  for (const Hit& hit : result.hits) hits.push_back(HitJson(hit));
+  for (const Hit& hit : result.hits) hits.push_back(HitJson(hit, result.found_from));
   const SearchTimings& t = result.timings;
   Json query = {{"width", result.query_width}, {"height", result.query_height}};
   Json examples = Json::array();

@@ -16,7 +16,8 @@ namespace pliant {
 
 // {"took_ms", "vocabulary", "words", "keypoints", "query": {"width", "height"}, "total", "verdict":
 // "found", "perhaps", "not_found" or null, "found": number or null, "hits": [{"rank", "object",
-// "score", "probability": number or null, "image_id", "inliers", "polygon", "instances":
+// "score", "probability": number or null, "verdict": "found", "perhaps", "unlikely" or null,
+// "image_id", "inliers", "polygon", "instances":
 // [{"inliers", "polygon"}], "metadata"}], "timings": {...}}. An object without a name is null; the
 // polygon is a list of [x, y] or null. A hit with an explanation has "explain" too:
 // {"ranking_score", "verified", "failure": text or null, "matches", "inlier_fraction",

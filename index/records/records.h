@@ -172,6 +172,8 @@ struct CollectionRecord {
   // Whether a program trained and activated it without a request (TrainOptions and UseOptions), so
   // that the program can replace it. false once a person has trained or chosen one.
   bool automatic = false;
+  // From this probability on a hit counts as found: kFoundProbability, or what a self-test advised.
+  double found_from = kFoundProbability;
 };
 
 // A collection in a list.
@@ -211,6 +213,8 @@ struct ImageChange {
 
 struct CollectionChange {
   std::optional<std::string> display_name;  // "" = none
+  std::optional<double> found_from;         // kLeastFoundFrom to kMostFoundFrom
+  std::optional<std::string> self_test;     // JSON of the last report; "" = none
 };
 
 // By alias: its new collection; absent = remove the alias.

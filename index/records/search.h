@@ -39,8 +39,11 @@ inline constexpr int kMostExpansions = 20;
 inline constexpr std::size_t kMaxExcluded = 1000;
 inline constexpr std::size_t kMaxExamples = 16;
 
-// A hit with at least this probability counts as found.
+// A hit with at least this probability counts as found, unless its collection says otherwise.
 inline constexpr double kFoundProbability = 0.9;
+// Collections can have another limit (CollectionRecord::found_from), in this range.
+inline constexpr double kLeastFoundFrom = 0.5;
+inline constexpr double kMostFoundFrom = 0.99;
 // With at least this probability, but less than kFoundProbability, it perhaps shows the object.
 inline constexpr double kPerhapsProbability = 0.2;
 
@@ -126,9 +129,10 @@ struct SearchTimings {
 struct SearchResult {
   std::vector<Hit> hits;
   std::size_t total = 0;  // number of hits, over all pages
-  // Number of hits with kFoundProbability or more. 0 = the object is not in the collection, unless
-  // `perhaps`. Absent if hits have no probability.
+  // Number of hits with a probability of `found_from` or more. 0 = the object is not in the
+  // collection, unless `perhaps`. Absent if hits have no probability.
   std::optional<std::size_t> found;
+  double found_from = kFoundProbability;  // CollectionRecord::found_from
   // Nothing is found, but the first hit has kPerhapsProbability or more: similar objects share the
   // probability, or little of the object is visible.
   bool perhaps = false;

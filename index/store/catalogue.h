@@ -42,6 +42,7 @@ struct CollectionState {
   std::string name;
   Key vocabulary = 0;  // the active one; 0 = none
   std::int64_t created_ms = 0;
+  double found_from = kFoundProbability;  // CollectionRecord
 };
 
 struct StoredImage {
@@ -81,6 +82,7 @@ class Catalogue {
   std::vector<CollectionLabel> ListLabels();  // as ListCollections, with display names and aliases
   std::vector<AliasRecord> ListAliases();     // in order of their names
   CollectionRecord DescribeCollection(const std::string& name);
+  std::string SelfTestOf(const std::string& collection);  // CollectionChange::self_test
   std::optional<ObjectRecord> FindObject(const std::string& collection, const std::string& object);
   std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
                                         int limit);

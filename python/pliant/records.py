@@ -62,6 +62,7 @@ class Hit:
     object: str | None
     score: float  # 0 to 1
     probability: float | None  # that the hit is right; None = unknown
+    verdict: str | None  # "found", "perhaps" or "unlikely", by the probability
     image_id: str
     inliers: int  # matches that fit one warp; 0 without verification
     polygon: npt.NDArray[np.float64] | None  # K x 2, outline of the object in the query, not closed
@@ -73,7 +74,7 @@ class Hit:
 
 class SearchResult(list["Hit"]):
     """The hits, best first. `total`: hits over all pages. `verdict`: "found", "perhaps" (the first hit has a probability
-    of 0.2 or more) or "not_found". `found`: hits with a probability of 0.9 or more. Both are None for hits without a
+    of 0.2 or more) or "not_found". `found`: hits with the verdict "found". Both are None for hits without a
     probability. `document`: the whole answer as `pliant query --json` prints it (took_ms, timings, vocabulary, ...)."""
 
     def __init__(self, document: dict[str, Any]) -> None:
@@ -98,7 +99,7 @@ def _polygon(points: list[list[float]] | None) -> npt.NDArray[np.float64] | None
 
 
 def _hit(hit: dict[str, Any]) -> Hit:
-    return Hit(hit["rank"], hit["object"], hit["score"], hit["probability"], hit["image_id"], hit["inliers"],
+    return Hit(hit["rank"], hit["object"], hit["score"], hit["probability"], hit["verdict"], hit["image_id"], hit["inliers"],
                _polygon(hit["polygon"]),
                [Instance(place["inliers"], _polygon(place["polygon"])) for place in hit["instances"]],
                hit.get("via"), hit["metadata"], hit.get("explain"))

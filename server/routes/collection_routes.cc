@@ -1,8 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Collections: separate images, objects and vocabularies. Aliases: other names of collections.
+#include <limits>
+
 #include "index/json/record_json.h"
 #include "server/http/problem.h"
+#include "server/jobs/self_tests.h"
 #include "server/routes/answers.h"
 #include "server/routes/request_body.h"
 #include "server/routes/routes.h"
@@ -12,6 +15,7 @@ namespace pliant::server {
 namespace {
 
 constexpr std::size_t kMostAliasesAtOnce = 1000;
+constexpr std::int64_t kMostTestPictures = 10'000;
 
 Response ListCollections(Service& service, const Request&, const Parameters&) {
   Json names = Json::array();
@@ -38,9 +42,37 @@ Response PutCollection(Service& service, const Request& request, const Parameter
 }
 
 Response PatchCollection(Service& service, const Request& request, const Parameters&) {
-  const Json patch = MergePatchOf(request, {"display_name"});
-  return JsonResponse(CollectionJson(service.engine().ChangeCollection(
-      request.captures.at("c"), {.display_name = TextIn(patch, "display_name")})));
+  const Json patch = MergePatchOf(request, {"display_name", "found_from"});
+  CollectionChange change;
+  change.display_name = TextIn(patch, "display_name");
+  if (const auto it = patch.find("found_from"); it != patch.end()) {
+    if (!it->is_null() && !it->is_number()) {
+      ThrowInvalid("found_from", "found_from must be a number or null.");
+    }
+    change.found_from = it->is_null() ? kFoundProbability : it->get<double>();
+  }
+  return JsonResponse(
+      CollectionJson(service.engine().ChangeCollection(request.captures.at("c"), change)));
+}
+
+Response StartSelfTest(Service& service, const Request& request, const Parameters& parameters) {
+  SelfTestOptions options;
+  options.collection = CollectionOf(service, request);
+  options.pictures =
+      static_cast<int>(parameters.Get<std::int64_t>("pictures").value_or(options.pictures));
+  options.false_alarms = parameters.Get<double>("false_alarms").value_or(options.false_alarms);
+  options.seed = static_cast<std::uint64_t>(
+      parameters.Get<std::int64_t>("seed").value_or(static_cast<std::int64_t>(options.seed)));
+  return JobResponse(AddSelfTestJob(*service.jobs, options));
+}
+
+Response GetSelfTest(Service& service, const Request& request, const Parameters&) {
+  const std::string report = service.engine().GetSelfTest(request.captures.at("c"));
+  if (report.empty()) {
+    throw ProblemError("self_test_not_found",
+                       "The collection has not been tested yet: POST to this address starts it.");
+  }
+  return JsonResponse(Json::parse(report));
 }
 
 Response DeleteCollection(Service& service, const Request& request, const Parameters&) {
@@ -161,7 +193,7 @@ void AddCollectionRoutes(RouteTable& table) {
       .Codes({"invalid_parameter"})
       .Example(R"(curl -X PUT "$PLIANT/v1/collections/tools")");
   table.Add("PATCH /v1/collections/{c}", "collections.patch", PatchCollection)
-      .Summary("Change the display name of a collection")
+      .Summary("Change the display name of a collection, or from which probability a hit is found")
       .Needs(Scope::kAdmin)
       .Patches("CollectionPatch")
       .Answers(200, "the collection after the change", "Collection")
@@ -169,6 +201,31 @@ void AddCollectionRoutes(RouteTable& table) {
       .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
                R"(-d '{"display_name": "Summer shirts 2026!"}' )"
                R"("$PLIANT/v1/collections/default")");
+  table.Add("POST /v1/collections/{c}/selftest", "collections.test", StartSelfTest)
+      .Summary(
+          "Predict how well photos of the collection's objects will be found, in the background")
+      .Needs(Scope::kWrite)
+      .Body(BodyKind::kJson)
+      .Takes({Parameter("pictures", "number of simulated photos of the collection's images")
+                  .Integer(1, kMostTestPictures)
+                  .Default("100"),
+              Parameter("false_alarms",
+                        "highest share of photos of absent objects that may be found; decides the "
+                        "advised found_from")
+                  .Number(0.0001, 0.9999)
+                  .Default("0.01"),
+              Parameter("seed", "the same seed and images give the same photos")
+                  .Integer(0, std::numeric_limits<std::int64_t>::max())
+                  .Default("1")})
+      .Answers(202, "the job; its result is the report", "Job")
+      .Codes({"busy"})
+      .Example(R"(curl -H "Content-Type: application/json" -d '{"pictures": 6}' )"
+               R"("$PLIANT/v1/collections/default/selftest")");
+  table.Add("GET /v1/collections/{c}/selftest", "collections.tested", GetSelfTest)
+      .Summary("Get the report of the collection's last self-test")
+      .Answers(200, "the report", "SelfTest")
+      .Codes({"self_test_not_found"})
+      .Example(R"(curl "$PLIANT/v1/collections/default/selftest")");
   table.Add("DELETE /v1/collections/{c}", "collections.delete", DeleteCollection)
       .Summary("Delete a collection with its contents and its aliases, except `default`")
       .Needs(Scope::kAdmin)

@@ -83,8 +83,8 @@ class Sheet {
   const int line_;
 };
 
-bool IsDrawn(const Hit& hit) {
-  return !hit.polygon.empty() && hit.probability.value_or(1) >= kFoundProbability;
+bool IsDrawn(const Hit& hit, double found_from) {
+  return !hit.polygon.empty() && hit.probability.value_or(1) >= found_from;
 }
 
 }  // namespace
@@ -104,7 +104,7 @@ std::string DrawSearch(Bytes query, DecodeOptions options, const ImageDecoder& d
   Sheet sheet(ToColour(decoded.image), decoded.scale);
   std::vector<const Hit*> drawn;
   for (const Hit& hit : result.hits) {
-    if (IsDrawn(hit)) drawn.push_back(&hit);
+    if (IsDrawn(hit, result.found_from)) drawn.push_back(&hit);
   }
   for (std::size_t i = 0; i < drawn.size(); ++i) {
     for (const Instance& instance : drawn[i]->instances) {

@@ -10,6 +10,7 @@
 #include "descriptor/base/error.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
+#include "server/jobs/self_tests.h"
 
 namespace pliant::server {
 
@@ -82,6 +83,7 @@ void Service::Open() {
                                  if (auto_trainer_) auto_trainer_->OnAdded(collection);
                                }};
   RegisterVocabularyJobs(*runner_, *engine_, pool);
+  RegisterSelfTestJob(*runner_, *engine_, pool, decode_);
   RegisterImportJobs(*runner_, imports);
   RegisterDemonstrationJob(*runner_, imports);
   backups.RegisterJob(*runner_, *engine_);

@@ -6,6 +6,7 @@ import { askingButton, attempt, byId, count, fact, figure, make, makeLiveList, o
 import { refreshHeader } from "./header.js";
 import { isActive, makeJobList } from "./jobs.js";
 import { collectionNameFor, shownName } from "./names.js";
+import { makeSelfTest, showSelfTest } from "./selftest.js";
 
 const kPollMs = 2000;
 const kFullSample = 40_000;  // descriptors that training samples by default
@@ -120,6 +121,7 @@ async function showCollections() {
 // --- all of it
 
 const showJobs = makeJobList("jobs", refresh);
+makeSelfTest(refresh);
 
 async function refresh() {
   clearTimeout(timer);
@@ -135,6 +137,7 @@ async function refresh() {
     byId("retrain").textContent = record.vocabulary ? "Retrain" : "Train";
     const mine = jobs.filter((job) => job.collection === record.name);
     byId("retrain").disabled = !record.images || mine.some((job) => job.kind === "train" && isActive(job));
+    await showSelfTest(record, mine.some((job) => job.kind === "selftest" && isActive(job)));
     byId("vocabularies").replaceChildren(...vocabularies.map(vocabularyRow));
     showJobs(mine);
     say(byId("collection-status"), "");

@@ -8,7 +8,7 @@ import { problemWords } from "./words.js";
 const kPollMs = 1000;
 const kShown = 12;
 const kKinds = { train: "Preparing search", demo: "Loading demonstration objects", import: "Importing images", bulk_import: "Importing uploaded images",
-                 activate: "Switching the vocabulary", backup: "Creating a backup" };
+                 activate: "Switching the vocabulary", selftest: "Testing the collection", backup: "Creating a backup" };
 const kStates = { queued: "waiting", cancelled: "stopped" };  // the others are words already
 
 export const isActive = (job) => job.state === "queued" || job.state === "running";

@@ -13,6 +13,7 @@ const kProblems = {
   no_vocabulary: "The collection is empty, or search is still being prepared. Add images, or try again in a moment.",
   no_images: "There are no images to train on. Add images first.",
   interrupted: "The server stopped during this job. Start the job again.",
+  self_test_not_found: "This collection has not been tested yet.",
   content_not_kept: "The server does not store the original of this image.",
   image_not_found: "This image no longer exists.",
   request_timeout: "The upload took too long. Check your connection.",
@@ -59,20 +60,18 @@ export function problemWords(status, body, retryAfterS = 0, isWrongKey = false) 
   return (kProblems[body?.code] ?? kStatuses[status] ?? body?.detail ?? `The server answered with status ${status}.`) + later;
 }
 
-// How sure a hit is: the one scale for words, bars, verdicts and folding, as in the server's verdict. "weak" hits are
-// folded away.
-const kFound = 0.9;
-const kGrades = [
-  { least: kFound, words: "Found", grade: "found" },
-  { least: 0.2, words: "Perhaps", grade: "perhaps" },
-  { least: 0, words: "Unlikely", grade: "weak" },
-];
+// How sure a hit is: the one scale for words, bars and folding, by the server's verdict. "weak" hits are folded away.
+const kGrades = {
+  found: { words: "Found", grade: "found" },
+  perhaps: { words: "Perhaps", grade: "perhaps" },
+  unlikely: { words: "Unlikely", grade: "weak" },
+};
 
 // { words, grade, share: 0..1 for the bar, percent: text, or "" }. Without verification there is no probability, and
 // a score is never sure.
-export function scoreWords({ score, probability }) {
+export function scoreWords({ score, probability, verdict }) {
   const value = probability ?? score;
-  const { words, grade } = probability === null && score >= kFound ? kGrades[1] : kGrades.find(({ least }) => value >= least);
+  const { words, grade } = kGrades[verdict ?? (score >= 0.2 ? "perhaps" : "unlikely")];
   const percent = probability === null ? "" : `${Math.round(100 * value)} %`;
   return { words, grade, share: value, percent };
 }

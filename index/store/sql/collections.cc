@@ -18,7 +18,7 @@ namespace {
 
 constexpr const char* kSelectCollection =
     "SELECT key, name, model, active_vocabulary, created_ms, automatic, images, objects, "
-    "descriptors, display_name FROM collections ";
+    "descriptors, display_name, found_from FROM collections ";
 
 CollectionRow ToCollection(const Cursor& row) {
   return {row.Int(0),
@@ -30,7 +30,8 @@ CollectionRow ToCollection(const Cursor& row) {
           static_cast<std::uint64_t>(row.Int(6)),
           static_cast<std::uint64_t>(row.Int(7)),
           static_cast<std::uint64_t>(row.Int(8)),
-          row.Text(9)};
+          row.Text(9),
+          row.Double(10)};
 }
 
 }  // namespace
@@ -102,6 +103,7 @@ CollectionRecord RecordOf(Connection& db, const CollectionRow& collection) {
   record.created_ms = collection.created_ms;
   record.vocabulary = FindVocabulary(db, collection, collection.active_vocabulary);
   record.automatic = collection.automatic;
+  record.found_from = collection.found_from;
   return record;
 }
 
@@ -140,6 +142,15 @@ CollectionState Catalogue::RequireCollection(const std::string& name) {
 CollectionRecord Catalogue::DescribeCollection(const std::string& name) {
   return access_.Read(
       [&](Connection& db) { return RecordOf(db, pliant::RequireCollection(db, name)); });
+}
+
+std::string Catalogue::SelfTestOf(const std::string& collection) {
+  return access_.Read([&](Connection& db) {
+    return db.Prepare("SELECT self_test FROM collections WHERE key = ?")
+        .Bind(pliant::RequireCollection(db, collection).key)
+        .One()
+        .Text(0);
+  });
 }
 
 std::uint64_t Catalogue::CountImages(Key collection) {
@@ -205,6 +216,16 @@ CollectionRecord Writer::ChangeCollection(const std::string& name, const Collect
     if (change.display_name) {
       db.Prepare("UPDATE collections SET display_name = ? WHERE key = ?")
           .Bind(*change.display_name, key)
+          .Run();
+    }
+    if (change.found_from) {
+      db.Prepare("UPDATE collections SET found_from = ? WHERE key = ?")
+          .Bind(*change.found_from, key)
+          .Run();
+    }
+    if (change.self_test) {
+      db.Prepare("UPDATE collections SET self_test = ? WHERE key = ?")
+          .Bind(*change.self_test, key)
           .Run();
     }
     changed = RecordOf(db, RequireCollection(db, name));

@@ -33,10 +33,11 @@ struct CollectionRow {
   std::uint64_t objects = 0;
   std::uint64_t descriptors = 0;
   std::string display_name;
+  double found_from = kFoundProbability;
 };
 
 inline CollectionState StateOf(const CollectionRow& row) {
-  return {row.key, row.name, row.active_vocabulary, row.created_ms};
+  return {row.key, row.name, row.active_vocabulary, row.created_ms, row.found_from};
 }
 
 struct ImageRow {

@@ -26,7 +26,9 @@ CREATE TABLE collections (
   images INTEGER NOT NULL DEFAULT 0,        -- kept by triggers, so that nobody has to count
   objects INTEGER NOT NULL DEFAULT 0,
   descriptors INTEGER NOT NULL DEFAULT 0,
-  display_name TEXT NOT NULL DEFAULT ''     -- '': its name
+  display_name TEXT NOT NULL DEFAULT '',    -- '': its name
+  found_from REAL NOT NULL DEFAULT 0.9,     -- a hit of this probability is found
+  self_test TEXT NOT NULL DEFAULT ''        -- the last report, JSON; '': none
 );
 CREATE TABLE aliases (
   name TEXT PRIMARY KEY,               -- of no collection
