@@ -11,8 +11,8 @@ set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 install(TARGETS pliant pliant-video pliant-server RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
 install(TARGETS pliant_simulation pliant_descriptor pliant_vocab pliant_index EXPORT PliantTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(FILES descriptor/model/deal.safetensors DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant
-        COMPONENT runtime)
+install(FILES descriptor/model/deal.safetensors descriptor/model/deal-small.safetensors
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/pliant COMPONENT runtime)
 # Completion for bash and zsh is one script.
 set(PLIANT_COMPLETION ${PROJECT_SOURCE_DIR}/index/usage/completion.sh)
 install(FILES ${PLIANT_COMPLETION} DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions RENAME _pliant

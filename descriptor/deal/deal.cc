@@ -19,10 +19,11 @@ namespace pliant {
 namespace {
 
 // "deal" (Potje et al., NeurIPS 2021): the polar grid around each keypoint is bent by the learned
-// thin-plate spline. "deal-fixed": the plain polar grid, for comparison. Floats of unit length per
-// keypoint. DescribeReference averages over three support radii, so that errors of a keypoint's
-// size matter less, in twice the time. The keypoint's angle is not used. Keypoints may lie outside
-// the image, whose border pixels are replicated.
+// thin-plate spline. "deal-small": a narrower network that learned from it, for processors without
+// AMX. "deal-fixed": the plain polar grid, for comparison. Floats of unit length per keypoint.
+// DescribeReference averages over three support radii, so that errors of a keypoint's size matter
+// less, in twice the time. The keypoint's angle is not used. Keypoints may lie outside the image,
+// whose border pixels are replicated.
 //
 // Describe additionally throws kInvalidArgument for a keypoint that is not finite or has no
 // positive size, and kTooLarge for more than 2^24 pixels. Concurrent calls with the same number of
@@ -89,7 +90,8 @@ std::shared_ptr<const Descriptor> Make(const std::string& /*name*/,
 }
 
 constexpr std::array kDescriptors = {
-    NamedDescriptor{"deal", MakeDeal},
+    NamedDescriptor{"deal", MakeDeal},  // best first
+    NamedDescriptor{"deal-small", MakeDeal},
     NamedDescriptor{"deal-fixed", MakeDeal},
     NamedDescriptor{"rootsift", Make<MakeRootSift>},
     NamedDescriptor{"sift", Make<MakeSift>},

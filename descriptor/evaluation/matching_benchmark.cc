@@ -376,7 +376,7 @@ DescriptorChoice ParseDescriptorChoice(const std::string& text) {
   const bool weights = name == "deal" || name.starts_with("deal-");
   if (equals != std::string::npos && (choice.model.empty() || !weights)) {
     throw Error(ErrorCode::kInvalidArgument, "bad_descriptor",
-                "'" + text + "': only deal and deal-fixed take a weight file, as in deal=FILE");
+                "'" + text + "': only deal and its variants take a weight file, as in deal=FILE");
   }
   choice.repeats = name == "sift+repeats";
   choice.name = choice.repeats ? "sift" : name;

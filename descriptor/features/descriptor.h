@@ -62,9 +62,10 @@ std::vector<std::string> DescriptorNames();
 std::shared_ptr<const Descriptor> MakeDescriptor(const std::string& name,
                                                  const DescriptorOptions& options = {});
 
-// The weight file of DEAL, name "deal": `given` or else $PLIANT_MODEL, which are a file, or a
-// folder that holds NAME.safetensors; else share/pliant/NAME.safetensors beside or above the
-// running program, else the installed one. Throws kNotFound naming all paths searched.
+// The weight file of DEAL, name "deal" or "deal-small": `given` or else $PLIANT_MODEL, which are a
+// file (used whatever the name), or a folder that holds NAME.safetensors; else
+// share/pliant/NAME.safetensors beside or above the running program, else the installed one. Throws
+// kNotFound naming all paths searched.
 std::filesystem::path ModelPath(const std::string& name, const std::filesystem::path& given = {});
 
 struct ExtractionOptions {

@@ -4,7 +4,7 @@
 
     inputs   image      [1, 1, H, W] float32 grey in [0, 1]; any H and W
              keypoints  [N, 3] float32 x, y, size in pixels of the image, pixel centres at integers; any N from 1
-    output   descriptors [N, 128] float32 (64 of deal-small), unit length
+    output   descriptors [N, D] float32, unit length; D = 64 for the shipped weights
 
 It holds operators of opset 13 only (sampling is Gather, exact in every runtime), and the metadata of the weights'
 file with their SHA-256. Keypoints are detected outside of it.
@@ -23,7 +23,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from . import geometry, tensor_file
-from .model import Deal, load_model
+from .model import SHAPES, Deal, Shape, load_model
 
 OPSET = 13
 
@@ -130,6 +130,7 @@ def write_onnx(weights: str | os.PathLike, path: str | os.PathLike) -> None:
         graph = onnx.load(str(made))
         onnx.checker.check_model(graph)
         digest = tensor_file.sha256(weights)
-        onnx.helper.set_model_props(graph, {**metadata, "sha256": digest, "model_id": f"deal:{digest[:16]}"})
+        name = "deal-small" if Shape.of(model.state_dict()) == SHAPES["deal-small"] else "deal"
+        onnx.helper.set_model_props(graph, {**metadata, "sha256": digest, "model_id": f"{name}:{digest[:16]}"})
         onnx.save(graph, str(made))
         os.replace(made, path)

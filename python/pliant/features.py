@@ -28,7 +28,7 @@ class Features:
         angle: degrees, 0 to 360, clockwise (y points down), as OpenCV's;
         response: the detector's strength, without a unit;
         octave: OpenCV's packed SIFT octave, a whole number.
-    descriptors: N x D; float32 (Euclidean distance; D = 128 for deal, sift and rootsift, 200 for daisy) or uint8
+    descriptors: N x D; float32 (Euclidean distance; D = 64 for deal and its variants, 128 for sift and rootsift, 200 for daisy) or uint8
         (Hamming distance over 8 D bits; D = 32 for orb, 64 for brisk).
     width, height: size of the image, in pixels.
     model_id: the model that made the descriptors ("deal:" and 16 hex digits); different models cannot be compared.
@@ -154,7 +154,7 @@ class Extractor:
     """Describes images, always in the same way. The constructor loads the weights; many threads can use one extractor.
 
     descriptor: one of `descriptor_names()`.
-    model: weight file for deal and its variants; None: the installed one.
+    model: weight file for deal and its variants, or the folder of NAME.safetensors; None: the installed one.
     max_keypoints: number of keypoints to keep, strongest first, 1 to 4096.
     max_side: scale larger images down to this longer side in pixels; 0 = never.
     enlarge_below: also describe images with fewer keypoints at twice their size, up to this number; 0 = never.

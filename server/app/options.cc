@@ -44,7 +44,7 @@ const Flag kFlags[] = {
      "Allow listening beyond loopback without API keys; anyone can then do everything"},
     {"--descriptor", &O::descriptor,
      "Descriptor of the database; default: the stored one, deal for a new database"},
-    {"--model", &O::model, "Weight file of deal; default: the installed one"},
+    {"--model", &O::model, "Weight file of deal or deal-small; default: the installed one"},
     {"--keep-originals", &O::keep_originals, "Store uploaded images, for content and thumbnails"},
     {"--originals-dir", &O::originals_dir,
      "Directory for uploaded images, or `database`; default: keep the current location"},

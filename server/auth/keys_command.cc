@@ -131,7 +131,7 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
       ->capture_default_str();
   create->add_option("--descriptor", options.engine.descriptor, "descriptor for a new database");
   create->add_option("--model", options.engine.descriptor_options.model_path,
-                     "weight file of deal for a new database");
+                     "weight file of deal or deal-small for a new database");
   create->add_flag("--json", options.json, "print one JSON document");
   add("list", "List the keys: id, scope, creation time, name", List, "list --db my.db")
       ->add_flag("--json", options.json, "print one JSON document");

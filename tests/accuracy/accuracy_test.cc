@@ -11,7 +11,6 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "descriptor/base/sha256.h"
 #include "descriptor/image/image.h"
 #include "tests/accuracy/small_set.h"
 #include "tests/unit/index_test_images.h"
@@ -36,11 +35,12 @@ const json& Baseline() {
 }
 
 TEST(Accuracy, WeightsModelCardAndBaselineBelongTogether) {
-  const std::string sha256 = Sha256Hex(testing::ReadBytes(testing::WeightsPath()));
-  EXPECT_THAT(ReadText(testing::ModelCardPath()), ::testing::HasSubstr(sha256))
-      << "descriptor/model/README.md describes other weights than "
-         "descriptor/model/deal.safetensors";
-  EXPECT_EQ(Baseline()["weights"], sha256) << kRegenerate;
+  const std::string card = ReadText(testing::ModelFolder() / "README.md");
+  for (const auto& [name, sha256] : testing::WeightHashes()) {
+    EXPECT_THAT(card, ::testing::HasSubstr(sha256))
+        << "descriptor/model/README.md describes other weights than " << name << ".safetensors";
+  }
+  EXPECT_EQ(Baseline()["weights"], json(testing::WeightHashes())) << kRegenerate;
 }
 
 TEST(Accuracy, NoDescriptorMatchesWorseThanItDid) {

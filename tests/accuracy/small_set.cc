@@ -3,6 +3,7 @@
 #include "tests/accuracy/small_set.h"
 
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/sha256.h"
 #include "descriptor/simulation/procedural.h"
 #include "descriptor/simulation/scene_file.h"
 #include "tests/unit/index_test_images.h"
@@ -35,18 +36,23 @@ void MakeScenes(const std::filesystem::path& folder) {
 std::filesystem::path BaselinePath() {
   return std::filesystem::path(PLIANT_SOURCE_DIR) / "tests/accuracy/baseline.json";
 }
-std::filesystem::path WeightsPath() {
-  return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model/deal.safetensors";
+std::filesystem::path ModelFolder() {
+  return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model";
 }
-std::filesystem::path ModelCardPath() {
-  return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model/README.md";
+
+std::map<std::string, std::string> WeightHashes() {
+  std::map<std::string, std::string> hashes;
+  for (const std::string name : {"deal", "deal-small"}) {
+    hashes[name] = Sha256Hex(ReadBytes(ModelFolder() / (name + ".safetensors")));
+  }
+  return hashes;
 }
 
 evaluation::MatchingReport MeasureSmallSet() {
   const TemporaryFolder folder;
   MakeScenes(folder.path());
   evaluation::MatchingOptions options;
-  options.model = WeightsPath();
+  options.model = ModelFolder();
   options.max_keypoints = 400;
   options.pairs = 24;
   options.seed = kSeed;

@@ -170,6 +170,20 @@ TEST_F(CliTest, IndexTrainsAndQueryFinds) {
   EXPECT_THAT(text.out, HasSubstr("view.png"));
 }
 
+TEST_F(CliTest, TheSmallNetworkIndexesAndFinds) {
+  WriteObjects(4);
+  const auto index = [&](const std::string& descriptor) {
+    return RunProgram({"index", objects_, "--db", db_, "--descriptor", descriptor, "--json"});
+  };
+  const ProgramResult indexed = index("deal-small");
+  ASSERT_EQ(indexed.status, 0) << indexed.err;
+  EXPECT_EQ(indexed.json()["indexed"], 4);
+  EXPECT_EQ(Query(3)["hits"][0]["object"], "o3") << "with the descriptor of the database";
+  for (const char* other : {"deal", "rootsift"}) {
+    EXPECT_EQ(index(other).json()["error"]["code"], "model_mismatch");
+  }
+}
+
 TEST_F(CliTest, IndexingAgainIsNoWorkAndNewImagesJoin) {
   WriteObjects(4);
   ASSERT_EQ(Index().status, 0);

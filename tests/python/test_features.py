@@ -16,7 +16,7 @@ from support import FolderCase, pattern, png, run
 class Describe(FolderCase):
     def test_same_as_command_line(self):
         path = self.write("a.png", pattern(1))
-        for descriptor, kind, dim in (("deal", np.float32, 64), ("sift", np.float32, 128), ("orb", np.uint8, 32)):
+        for descriptor, kind, dim in (("deal", np.float32, 64), ("deal-small", np.float32, 64), ("sift", np.float32, 128), ("orb", np.uint8, 32)):
             out = self.folder / f"{descriptor}.npz"
             said = run("describe", path, "--descriptor", descriptor, "--out", out, "--jobs", "1", "--json")
             with np.load(out) as theirs:

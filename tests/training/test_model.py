@@ -31,7 +31,7 @@ def fresh_model(seed):
 
 class GoldenTest(unittest.TestCase):
     def test_float32_network_meets_the_goldens(self):
-        for name, (width, height) in itertools.product(("deal",), goldens.SIZES):
+        for name, (width, height) in itertools.product(("deal", "deal-small"), goldens.SIZES):
             weights, stem = WEIGHTS.with_stem(name), f"{name}_{width}x{height}"
             network, metadata = model.load_model(weights)
             expected, about = tensor_file.load(ROOT / f"tests/data/golden_{stem}.safetensors")

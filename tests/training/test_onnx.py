@@ -29,8 +29,8 @@ WEIGHTS = ROOT / "descriptor/model/deal.safetensors"
 TOLERANCE = 3e-4  # as of the network in PyTorch
 
 
-def golden(width, height):
-    expected, _ = tensor_file.load(ROOT / f"tests/data/golden_deal_{width}x{height}.safetensors")
+def golden(width, height, name):
+    expected, _ = tensor_file.load(ROOT / f"tests/data/golden_{name}_{width}x{height}.safetensors")
     image = cv2.imread(str(ROOT / f"tests/data/golden_{width}x{height}.png"), cv2.IMREAD_GRAYSCALE)
     inputs = {"image": image[None, None].astype(np.float32) / 255,
               "keypoints": expected["keypoints_x_y_size"].astype(np.float32)}
@@ -39,12 +39,14 @@ def golden(width, height):
 
 @unittest.skipUnless(onnx, "python3-onnx is not installed")
 class OnnxTest(unittest.TestCase):
+    name, weights, more = "deal", WEIGHTS, []
+
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
-        cls.path = Path(cls.folder.name) / "deal.onnx"
+        cls.path = Path(cls.folder.name) / f"{cls.name}.onnx"
         with contextlib.redirect_stdout(io.StringIO()), \
-                mock.patch.object(sys, "argv", ["export", "--onnx", str(cls.path)]):
+                mock.patch.object(sys, "argv", ["export", "--onnx", str(cls.path), *cls.more]):
             export.main()
         cls.model = onnx.load(str(cls.path))
 
@@ -55,19 +57,19 @@ class OnnxTest(unittest.TestCase):
     def test_says_what_it_is(self):
         onnx.checker.check_model(self.model)
         metadata = {item.key: item.value for item in self.model.metadata_props}
-        self.assertEqual(metadata["sha256"], tensor_file.sha256(WEIGHTS))
-        self.assertEqual(metadata["model_id"], f"deal:{metadata['sha256'][:16]}")
-        self.assertEqual(metadata["radius_per_size"], tensor_file.load(WEIGHTS)[1]["radius_per_size"])
+        self.assertEqual(metadata["sha256"], tensor_file.sha256(self.weights))
+        self.assertEqual(metadata["model_id"], f"{self.name}:{metadata['sha256'][:16]}")
+        self.assertEqual(metadata["radius_per_size"], tensor_file.load(self.weights)[1]["radius_per_size"])
         self.assertEqual([item.version for item in self.model.opset_import if not item.domain], [onnx_model.OPSET])
         sides = {value.name: [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
                  for value in self.model.graph.input}
         self.assertEqual(sides, {"image": [1, 1, "height", "width"], "keypoints": ["keypoints", 3]})
-        self.assertEqual([path.name for path in self.path.parent.iterdir()], ["deal.onnx"])
+        self.assertEqual(list(self.path.parent.iterdir()), [self.path])
 
     def test_graph_meets_the_goldens_at_any_size(self):
         from tests.training import onnx_numpy
         for size in goldens.SIZES:  # neither number of keypoints is the one it was traced with
-            inputs, expected = golden(*size)
+            inputs, expected = golden(*size, self.name)
             found, = onnx_numpy.run(self.model, inputs)
             np.testing.assert_allclose(found, expected, atol=TOLERANCE, err_msg=str(size))
             one = dict(inputs, keypoints=inputs["keypoints"][:1])
@@ -77,9 +79,14 @@ class OnnxTest(unittest.TestCase):
     def test_onnx_runtime_meets_the_goldens(self):
         session = onnxruntime.InferenceSession(str(self.path), providers=["CPUExecutionProvider"])
         for size in goldens.SIZES:
-            inputs, expected = golden(*size)
+            inputs, expected = golden(*size, self.name)
             found, = session.run(None, inputs)
             np.testing.assert_allclose(found, expected, atol=TOLERANCE, err_msg=str(size))
+
+
+class SmallOnnxTest(OnnxTest):
+    name, weights = "deal-small", WEIGHTS.with_stem("deal-small")
+    more = ["--weights", str(weights)]
 
 
 class ModuleTest(unittest.TestCase):

@@ -21,7 +21,7 @@
 
 namespace pliant::deal {
 
-inline const std::array<std::string, 1> kModels = {"deal"};
+inline const std::array<std::string, 2> kModels = {"deal", "deal-small"};
 
 inline std::filesystem::path ModelPath(const std::string& name = "deal") {
   return std::filesystem::path(PLIANT_SOURCE_DIR) / "descriptor/model" / (name + ".safetensors");

@@ -4,6 +4,7 @@
 // and as 8 bits allow in bfloat16, where the processor has products of it.
 #include "tests/unit/deal_golden.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <numeric>
 #include <span>
@@ -32,7 +33,7 @@ class DealGoldenTest : public ::testing::TestWithParam<std::tuple<std::string, s
     expected.resize(actual.size());
     ExpectNear(actual, expected, Tolerance(0.02), name);
     const double dot = std::inner_product(actual.begin(), actual.end(), expected.begin(), 0.0);
-    const auto rows = static_cast<double>(actual.size() / network_.dim());
+    const auto rows = static_cast<double>(actual.size()) / static_cast<double>(network_.dim());
     EXPECT_NEAR(dot / rows, 1, Tolerance(5e-4)) << "mean cosine of " << name;
   }
 
@@ -127,8 +128,11 @@ INSTANTIATE_TEST_SUITE_P(Goldens, DealGoldenTest,
                                             ::testing::ValuesIn(kGoldenSizes),
                                             ::testing::ValuesIn(Types())),
                          [](const auto& golden) {
-                           return std::get<0>(golden.param) + "_" + std::get<1>(golden.param) +
-                                  (std::get<2>(golden.param) == Type::f32 ? "_f32" : "_bf16");
+                           std::string name =
+                               std::get<0>(golden.param) + "_" + std::get<1>(golden.param) +
+                               (std::get<2>(golden.param) == Type::f32 ? "_f32" : "_bf16");
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
                          });
 
 TEST(DealGeometryTest, GridAndBasisAreTheTrainersOwn) {
@@ -144,8 +148,8 @@ TEST(DealGeometryTest, GridAndBasisAreTheTrainersOwn) {
     for (std::size_t q = 0; q < kPatchPixels; ++q) {
       pairs.insert(pairs.end(), {planar[q], planar[kPatchPixels + q]});
     }
-    ExpectNear(pairs, golden.Floats(grid), 1e-6, grid.c_str());
-    ExpectNear(TpsBasis(spacing), golden.Floats(basis), 1e-6, basis.c_str());
+    ExpectNear(pairs, golden.Floats(grid), 1e-6, grid);
+    ExpectNear(TpsBasis(spacing), golden.Floats(basis), 1e-6, basis);
   }
   EXPECT_NEAR(DisplacementGain(), std::stod(golden.metadata().at("displacement_gain")), 1e-9);
 }

@@ -202,9 +202,13 @@ TEST(DealNetworkTest, DescribesKeypointsOfFinerImages) {
 
 TEST(DealNetworkTest, DescriptorInterface) {
   const auto deal = MakeDescriptor("deal", {ModelPath()});
+  const auto small = MakeDescriptor("deal-small", {ModelPath().parent_path()});
   const auto fixed = MakeDescriptor("deal-fixed", {ModelPath()});
   const std::string hash = SharedNetwork().weights().sha256.substr(0, 16);
   EXPECT_EQ(deal->info().model_id, "deal:" + hash);
+  EXPECT_EQ(small->info().model_id,
+            "deal-small:" + SharedNetwork("deal-small").weights().sha256.substr(0, 16));
+  EXPECT_EQ(small->info().dim, 64);
   EXPECT_EQ(fixed->info().model_id, "deal-fixed:" + hash);
   EXPECT_EQ(fixed->info().name, "deal-fixed");
   const Image image = RandomImage(90, 70);
