@@ -9,11 +9,6 @@
 namespace pliant {
 namespace {
 
-[[noreturn]] void ThrowTruncated(const std::string& what) {
-  throw Error(ErrorCode::kUnprocessable, "image_truncated",
-              "The image is cut short: " + what + ". Send the whole file.");
-}
-
 [[noreturn]] void ThrowDefect(const ScannedImage& scanned) {
   throw Error(ErrorCode::kUnprocessable, "image_corrupt",
               "The image is refused: " + scanned.defect + ". Save it again as JPEG or PNG.");
@@ -86,8 +81,13 @@ ImageHeader ReadImageHeader(Bytes bytes) { return ScanImage(bytes).header; }
 
 void CheckStructure(Bytes bytes, ScannedImage& scanned) {
   if (scanned.header.format == ImageFormat::kJpeg) CheckJpegScans(bytes, scanned);
-  if (!scanned.complete) ThrowTruncated("its end marker is missing");
+  if (!scanned.complete) ThrowTruncated(kRowsMissing);
   if (!scanned.defect.empty()) ThrowDefect(scanned);
+}
+
+void ThrowTruncated(const std::string& what) {
+  throw Error(ErrorCode::kUnprocessable, "image_truncated",
+              "The image is cut short: " + what + ". Send the whole file.");
 }
 
 void ThrowUndecodable(const std::string& detail) {

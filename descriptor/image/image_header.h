@@ -60,7 +60,7 @@ class ByteReader {
 // The result of one pass over a file's structure.
 struct ScannedImage {
   ImageHeader header;
-  bool complete = true;       // the file does not end before its own structure says it does
+  bool complete = true;       // the file does not end before its pixels do
   std::size_t jpeg_rest = 0;  // JPEG: where the walk for the size ended; see CheckStructure
   std::string defect = {};    // why the structure is refused, "it names ..."; empty = it is not
 
@@ -73,19 +73,22 @@ struct ScannedImage {
 // Throws as ReadImageHeader does. Takes time linear in the file's size, with a small factor.
 ScannedImage ScanImage(Bytes bytes);
 
-// Throws Error "image_truncated" when the file ends before its own structure says it does: JPEG
-// without an end marker, PNG without IEND, WebP/BMP/TIFF data beyond the end of the file; and
-// "image_corrupt" for files that no camera or program writes: TIFF strips that overlap, a
-// progressive JPEG of thousands of scans. Of a JPEG this walks the pixels' data, which ScanImage
-// leaves out (callers check the size first), and adds the memory that its scans need.
+// Throws Error "image_truncated" when the file ends before its pixels do, as far as that is known
+// without decoding (BMP, TIFF); and "image_corrupt" for files that no camera or program writes:
+// TIFF strips that overlap, a progressive JPEG of thousands of scans. Of a JPEG this walks the
+// pixels' data, which ScanImage leaves out (callers check the size first), and adds the memory that
+// its scans need.
 void CheckStructure(Bytes bytes, ScannedImage& scanned);
 
 // The pixels as they are stored, not turned upright, 8 bits each: grey, B, G, R, or B, G, R, A. A
 // JPEG gives grey if no colour is wanted, at 1/reduction of its size (1, 2, 4, 8); the others give
-// what they have. Throws Error "image_corrupt", also if the decoder finds another size than the
-// header says.
+// what they have. Throws Error "image_truncated" when the file ends and rows are missing (an end
+// mark alone can be), and "image_corrupt", also if the decoder finds another size than the header
+// says.
 cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 
+inline constexpr const char* kRowsMissing = "rows of pixels are missing";
+[[noreturn]] void ThrowTruncated(const std::string& what);
 [[noreturn]] void ThrowUndecodable(const std::string& detail = {});
 
 // The orientation (tag 0x0112) of an EXIF block, which has the form of a TIFF file (EXIF 2.3): 1 to
@@ -94,7 +97,7 @@ int ReadOrientation(Bytes exif);
 
 // The formats' parts of the above. Only DecodeJpeg uses `colour` and `reduction`.
 ScannedImage ScanJpeg(Bytes bytes);
-void CheckJpegScans(Bytes bytes, ScannedImage& scanned);  // sets complete and defect
+void CheckJpegScans(Bytes bytes, ScannedImage& scanned);  // sets the defect
 cv::Mat DecodeJpeg(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 
 // The planes of a JPEG as the file keeps them: one pass over the file gives grey values and

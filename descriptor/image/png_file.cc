@@ -66,6 +66,7 @@ class PngDecoder {
     if (info_ == nullptr) throw std::bad_alloc();
     const bool decoded = Process(bytes);
     if (out_of_memory_) throw std::bad_alloc();
+    if (rows_missing_ && !WalkPng(bytes, [](std::size_t, Bytes) {})) ThrowTruncated(kRowsMissing);
     if (!decoded || rows_missing_) ThrowUndecodable(error_.data());
     return pixels_;
   }
@@ -73,13 +74,19 @@ class PngDecoder {
  private:
   // No destructor runs when libpng jumps back here.
   bool Process(Bytes bytes) {
-    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    // All rows can be there with something else behind them.
+    if (setjmp(png_jmpbuf(png_)) != 0) return !rows_missing_ && !InPixelData();
     // Texts and profiles may unpack to any size. All chunks that pixels do not depend on are
     // skipped.
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
     png_set_progressive_read_fn(png_, this, OnInfo, OnRow, nullptr);
     png_process_data(png_, info_, const_cast<png_bytep>(bytes.data()), bytes.size());  // only reads
     return true;
+  }
+
+  bool InPixelData() const {
+    constexpr png_uint_32 kPixelData = 0x49444154;  // IDAT
+    return png_get_io_chunk_type(png_) == kPixelData;
   }
 
   static void OnError(png_structp png, const char* text) {
@@ -159,7 +166,7 @@ ScannedImage ScanPng(Bytes bytes) {
   bool exif = false;
   bool transparent_colour = false;
   double data_bytes = 0;
-  scanned.complete = WalkPng(bytes, [&](std::size_t type, Bytes data) {
+  WalkPng(bytes, [&](std::size_t type, Bytes data) {
     if (reader.StartsWith(type, "tRNS")) transparent_colour = true;
     if (reader.StartsWith(type, "IDAT")) data_bytes += static_cast<double>(data.size());
     if (!exif && reader.StartsWith(type, "eXIf")) {

@@ -162,11 +162,6 @@ ScannedImage ScanTiff(Bytes bytes) {
   if (orientation >= 1 && orientation <= 8) scanned.header.exif_orientation = orientation;
   if (scanned.header.exif_orientation >= 5) scanned.pixel_bytes = kTurnedPixelBytes;
   scanned.buffer_bytes = BufferBytes(tiff, PieceSizeOf(tiff, scanned.header));
-  // The directory ends with the place of the next one, 4 bytes behind entries of 12.
-  const ByteReader reader(bytes, TIFFIsBigEndian(tiff.get()) != 0);
-  const std::uint64_t directory = TIFFCurrentDirOffset(tiff.get());
-  const std::size_t entries = reader.U16(directory).value_or(0);
-  scanned.complete = reader.U32(directory + 2 + 12 * entries).has_value();
   CheckPieces(tiff, bytes.size(), scanned);
   return scanned;
 }
