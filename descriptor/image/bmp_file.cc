@@ -71,8 +71,8 @@ Layout ReadLayout(const ByteReader& reader) {
     }
   } else if (layout.bits == 16) {
     layout.masks = {0x7C00, 0x03E0, 0x001F, 0};
-  } else {
-    layout.masks = {0xFF0000, 0xFF00, 0xFF, 0};
+  } else {  // many programs keep alpha in the byte that 32 bits have left
+    layout.masks = {0xFF0000, 0xFF00, 0xFF, layout.bits == 32 ? 0xFF000000 : 0};
   }
   layout.palette_at = kFileHeaderBytes + header_bytes + masks_behind_header;
   if (core) layout.palette_entry_bytes = 3;

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "descriptor/image/image_header.h"
 
+#include <algorithm>
 #include <array>
+#include <bit>
 
 #include "descriptor/base/error.h"
 
@@ -32,7 +34,9 @@ ImageFormat SniffFormat(Bytes bytes) {
   if (reader.StartsWith(0, "\xFF\xD8\xFF")) return ImageFormat::kJpeg;
   if (reader.StartsWith(0, "\x89PNG\r\n\x1A\n")) return ImageFormat::kPng;
   if (reader.StartsWith(0, "RIFF") && reader.StartsWith(8, "WEBP")) return ImageFormat::kWebp;
-  if (reader.U32(0) == 0x002A4949U || reader.U32(0) == 0x2A004D4DU) return ImageFormat::kTiff;
+  for (const std::uint32_t tiff : {0x002A4949U, 0x2A004D4DU, 0x002B4949U, 0x2B004D4DU}) {
+    if (reader.U32(0) == tiff) return ImageFormat::kTiff;  // 2B is BigTIFF
+  }
   if (reader.StartsWith(0, "BM") && reader.U32(14).value_or(12) <= 124) return ImageFormat::kBmp;
   return ImageFormat::kUnknown;
 }
@@ -57,6 +61,32 @@ int ReadOrientation(Bytes exif) {
     return value >= 1 && value <= 8 ? static_cast<int>(value) : 1;
   }
   return 1;
+}
+
+cv::Mat ToEightBits(const cv::Mat& deep) {
+  constexpr int kMostUnusual = 14;  // an image of 16 bits has something brighter than a quarter
+  const int channels = deep.channels();
+  const int values = deep.cols * channels;
+  const auto kind = [&](int i) { return channels == 4 && i % 4 == 3 ? 1U : 0U; };  // 1: alpha
+  std::array<unsigned, 2> used = {};
+  for (int y = 0; y < deep.rows; ++y) {
+    const auto* row = deep.ptr<std::uint16_t>(y);
+    for (int i = 0; i < values; ++i) used[kind(i)] |= row[i];
+  }
+  std::array<float, 2> scales{};
+  for (std::size_t i = 0; i < 2; ++i) {
+    const int bits = std::max(8, static_cast<int>(std::bit_width(used[i])));
+    scales[i] = 255.0F / static_cast<float>((1U << (bits <= kMostUnusual ? bits : 16)) - 1);
+  }
+  cv::Mat pixels(deep.size(), CV_8UC(channels));
+  for (int y = 0; y < deep.rows; ++y) {
+    const auto* from = deep.ptr<std::uint16_t>(y);
+    std::uint8_t* to = pixels.ptr(y);
+    for (int i = 0; i < values; ++i) {
+      to[i] = static_cast<std::uint8_t>(static_cast<float>(from[i]) * scales[kind(i)] + 0.5F);
+    }
+  }
+  return pixels;
 }
 
 ScannedImage ScanImage(Bytes bytes) {

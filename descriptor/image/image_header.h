@@ -91,6 +91,10 @@ inline constexpr const char* kRowsMissing = "rows of pixels are missing";
 [[noreturn]] void ThrowTruncated(const std::string& what);
 [[noreturn]] void ThrowUndecodable(const std::string& detail = {});
 
+// 8 bits of 16: grey, B, G, R, or B, G, R, A. If 14 bits or fewer are used, their largest value
+// becomes white (and another's alpha opaque), as cameras and scanners of 10, 12 or 14 bits mean it.
+cv::Mat ToEightBits(const cv::Mat& deep);
+
 // The orientation (tag 0x0112) of an EXIF block, which has the form of a TIFF file (EXIF 2.3): 1 to
 // 8; 1 when it is missing or makes no sense. Takes time linear in the block's size.
 int ReadOrientation(Bytes exif);
