@@ -160,7 +160,7 @@ cv::Mat DecodeRuns(Bytes data, const Layout& layout, const Palette& palette) {
       at += (bytes + 1) / 2 * 2;
     }
   }
-  if (y + 1 < pixels.rows) ThrowUndecodable("rows are missing");
+  if (y + 1 < pixels.rows) ThrowTruncated(kRowsMissing);
   return pixels;
 }
 
@@ -223,7 +223,7 @@ cv::Mat DecodeBmp(Bytes bytes, const ImageHeader& /*header*/, bool /*colour*/, i
   for (int y = 0; y < pixels.rows; ++y) {
     const auto at = static_cast<std::size_t>(y * layout.row_bytes());
     if (data.size() < at + static_cast<std::size_t>(layout.used_row_bytes())) {
-      ThrowUndecodable("rows are missing");
+      ThrowTruncated(kRowsMissing);
     }
     DecodeRow(data.data() + at, layout, palette, pixels.ptr(RowOf(layout, y)));
   }

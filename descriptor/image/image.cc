@@ -258,7 +258,10 @@ std::string MediaType(ImageFormat format) {
                                         "image/png",
                                         "image/webp",
                                         "image/bmp",
-                                        "image/tiff"};
+                                        "image/tiff",
+                                        "image/gif",
+                                        "image/heic",
+                                        "image/avif"};
   return kTypes[static_cast<std::size_t>(format)];
 }
 
@@ -286,6 +289,9 @@ Image ResizeImage(const Image& image, int width, int height) {
   return CopyFromMat(scaled);
 }
 
-void ResizeWithoutThreads() { cv::setNumThreads(1); }
+void PrepareForSandbox() {
+  cv::setNumThreads(1);
+  LoadHeifPlugins();
+}
 
 }  // namespace pliant

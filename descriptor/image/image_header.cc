@@ -21,11 +21,31 @@ struct Reader {
   ScannedImage (*scan)(Bytes bytes);
   cv::Mat (*decode)(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 };
-constexpr std::array kReaders = {Reader{nullptr, nullptr},   Reader{ScanJpeg, DecodeJpeg},
-                                 Reader{ScanPng, DecodePng}, Reader{ScanWebp, DecodeWebp},
-                                 Reader{ScanBmp, DecodeBmp}, Reader{ScanTiff, DecodeTiff}};
+constexpr std::array kReaders = {
+    Reader{nullptr, nullptr},     Reader{ScanJpeg, DecodeJpeg}, Reader{ScanPng, DecodePng},
+    Reader{ScanWebp, DecodeWebp}, Reader{ScanBmp, DecodeBmp},   Reader{ScanTiff, DecodeTiff},
+    Reader{ScanGif, DecodeGif},   Reader{ScanHeif, DecodeHeif}, Reader{ScanHeif, DecodeHeif}};
 
 const Reader& ReaderOf(ImageFormat format) { return kReaders[static_cast<std::size_t>(format)]; }
+
+// By the brands in the first box (ISO/IEC 14496-12, 4.3): AVIF names the general ones, too. Videos
+// have others.
+ImageFormat HeifFormat(const ByteReader& reader) {
+  if (!reader.StartsWith(4, "ftyp")) return ImageFormat::kUnknown;
+  constexpr std::size_t kMostBytes = 64;
+  const std::size_t end =
+      std::min(std::size_t{ByteReader(reader.From(0), true).U32(0).value_or(0)}, kMostBytes);
+  ImageFormat format = ImageFormat::kUnknown;
+  for (std::size_t at = 8; at + 4 <= end; at += at == 8 ? 8 : 4) {  // a version stands between
+    for (const char* brand : {"avif", "avis"}) {
+      if (reader.StartsWith(at, brand)) return ImageFormat::kAvif;
+    }
+    for (const char* brand : {"heic", "heix", "heim", "heis", "hevc", "hevx", "mif1", "msf1"}) {
+      if (reader.StartsWith(at, brand)) format = ImageFormat::kHeic;
+    }
+  }
+  return format;
+}
 
 }  // namespace
 
@@ -38,7 +58,8 @@ ImageFormat SniffFormat(Bytes bytes) {
     if (reader.U32(0) == tiff) return ImageFormat::kTiff;  // 2B is BigTIFF
   }
   if (reader.StartsWith(0, "BM") && reader.U32(14).value_or(12) <= 124) return ImageFormat::kBmp;
-  return ImageFormat::kUnknown;
+  if (reader.StartsWith(0, "GIF87a") || reader.StartsWith(0, "GIF89a")) return ImageFormat::kGif;
+  return HeifFormat(reader);
 }
 
 int ReadOrientation(Bytes exif) {
@@ -97,7 +118,7 @@ ScannedImage ScanImage(Bytes bytes) {
   const ImageFormat format = SniffFormat(bytes);
   if (format == ImageFormat::kUnknown) {
     throw Error(ErrorCode::kUnsupportedMediaType, "image_type_unknown",
-                "The file type is not supported. Send JPEG, PNG, WebP, BMP or TIFF.");
+                std::string("The file type is not supported. Send ") + kImageFormats + ".");
   }
   const ScannedImage scanned = ReaderOf(format).scan(bytes);
   if (!scanned.defect.empty()) ThrowDefect(scanned);  // its size may be any

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image files, format by format. First the structure (size, completeness, cost of decoding),
 // because a file of a few kilobytes can declare gigabytes. Then the pixels, by the library of the
-// format: libjpeg-turbo, libpng, libwebp, libtiff; BMP needs none. Metadata are not decoded.
-// Internal to the descriptor library; callers use image.h.
+// format: libjpeg-turbo, libpng, libwebp, libtiff, giflib, libheif; BMP needs none. Metadata are
+// not decoded. Internal to the descriptor library; callers use image.h.
 #pragma once
 
 #include <cstddef>
@@ -133,5 +133,10 @@ ScannedImage ScanBmp(Bytes bytes);
 cv::Mat DecodeBmp(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 ScannedImage ScanTiff(Bytes bytes);
 cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+ScannedImage ScanGif(Bytes bytes);
+cv::Mat DecodeGif(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+ScannedImage ScanHeif(Bytes bytes);  // HEIC and AVIF
+cv::Mat DecodeHeif(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+void LoadHeifPlugins();
 
 }  // namespace pliant

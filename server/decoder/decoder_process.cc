@@ -40,7 +40,8 @@ constexpr std::chrono::seconds kStartTimeout{60};
 template <std::size_t kSize>
 std::string TextOf(const char (&field)[kSize]) {
   std::string text(field, strnlen(field, kSize));
-  std::replace_if(text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
   return text;
 }
 
@@ -89,7 +90,7 @@ DecodedImage Checked(const DecodeAnswer& answer, const DecodeOptions& options) {
     ThrowBroken(said);
   }
   if (answer.format <= static_cast<int>(ImageFormat::kUnknown) ||
-      answer.format > static_cast<int>(ImageFormat::kTiff)) {
+      answer.format > static_cast<int>(ImageFormat::kAvif)) {
     ThrowBroken("format " + std::to_string(answer.format));
   }
   DecodedImage decoded;

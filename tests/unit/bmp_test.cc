@@ -187,7 +187,7 @@ TEST(Bmp, WhatCannotBeReadIsRefused) {
     ExpectError(ErrorCode::kUnprocessable, "image_corrupt", [&] { Decoded(File(bitmap, data)); });
   }
   const FileBytes cut_short = File({.bits = 8, .compression = 1}, {16, 1, 0, 0});
-  ExpectError(ErrorCode::kUnprocessable, "image_corrupt", [&] { Decoded(cut_short); });
+  ExpectError(ErrorCode::kUnprocessable, "image_truncated", [&] { Decoded(cut_short); });
 }
 
 }  // namespace
