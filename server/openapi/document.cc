@@ -103,7 +103,8 @@ Json TagsOf(const std::vector<Route>& routes) {
 
 Json ImageProperties() {
   return {
-      {"image", {{"type", "string"}, {"contentEncoding", "base64"}, {"description", BinaryImage()}}},
+      {"image",
+       {{"type", "string"}, {"contentEncoding", "base64"}, {"description", BinaryImage()}}},
       {"image_url",
        {{"type", "string"},
         {"description",
