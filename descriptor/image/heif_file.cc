@@ -65,7 +65,10 @@ bool IsCutShort(Bytes bytes) {
 
 [[noreturn]] void ThrowFailed(const heif_error& error, Bytes bytes) {
   if (error.subcode == heif_suberror_End_of_data || IsCutShort(bytes)) ThrowTruncated(kRowsMissing);
-  if (error.code == heif_error_Memory_allocation_error) throw std::bad_alloc();
+  if (error.code == heif_error_Memory_allocation_error &&
+      error.subcode != heif_suberror_Security_limit_exceeded) {
+    throw std::bad_alloc();
+  }
   ThrowUndecodable(error.message);
 }
 
