@@ -25,7 +25,9 @@ ln -sf busybox "$root/usr/bin/sh"
 
 missing=$(ldd "$root"/usr/bin/pliant* | grep 'not found' || true)
 [ -z "$missing" ] || { echo "collect-runtime.sh: libraries are missing: $missing" >&2; exit 1; }
-mapfile -t libraries < <(ldd "$root"/usr/bin/pliant* | grep -oE '/[^ ]+\.so[^ ]*' | sort -u)
+# Debian 13 keeps libheif's decoders in plugins: ldd names them, too, above what they need.
+shopt -s nullglob
+mapfile -t libraries < <(ldd "$root"/usr/bin/pliant* /usr/lib/*/libheif/plugins/*.so | grep -oE '/[^ :]+\.so[^ :]*' | sort -u)
 for library in "${libraries[@]}"; do
   cp -L "$library" "$root/usr/${library#/usr}" 2>/dev/null || {
     mkdir -p "$root/usr$(dirname "${library#/usr}")"

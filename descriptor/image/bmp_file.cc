@@ -71,8 +71,8 @@ Layout ReadLayout(const ByteReader& reader) {
     }
   } else if (layout.bits == 16) {
     layout.masks = {0x7C00, 0x03E0, 0x001F, 0};
-  } else {
-    layout.masks = {0xFF0000, 0xFF00, 0xFF, 0};
+  } else {  // many programs keep alpha in the byte that 32 bits have left
+    layout.masks = {0xFF0000, 0xFF00, 0xFF, layout.bits == 32 ? 0xFF000000 : 0};
   }
   layout.palette_at = kFileHeaderBytes + header_bytes + masks_behind_header;
   if (core) layout.palette_entry_bytes = 3;
@@ -160,7 +160,7 @@ cv::Mat DecodeRuns(Bytes data, const Layout& layout, const Palette& palette) {
       at += (bytes + 1) / 2 * 2;
     }
   }
-  if (y + 1 < pixels.rows) ThrowUndecodable("rows are missing");
+  if (y + 1 < pixels.rows) ThrowTruncated(kRowsMissing);
   return pixels;
 }
 
@@ -223,7 +223,7 @@ cv::Mat DecodeBmp(Bytes bytes, const ImageHeader& /*header*/, bool /*colour*/, i
   for (int y = 0; y < pixels.rows; ++y) {
     const auto at = static_cast<std::size_t>(y * layout.row_bytes());
     if (data.size() < at + static_cast<std::size_t>(layout.used_row_bytes())) {
-      ThrowUndecodable("rows are missing");
+      ThrowTruncated(kRowsMissing);
     }
     DecodeRow(data.data() + at, layout, palette, pixels.ptr(RowOf(layout, y)));
   }

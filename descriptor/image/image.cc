@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <new>
 #include <optional>
 #include <utility>
@@ -66,9 +67,47 @@ cv::Mat TurnUpright(cv::Mat pixels, int orientation) {
   return pixels;
 }
 
-// B, G, R of B, G, R, A: transparent pixels are painted white, because the colour under
-// them is arbitrary.
-cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
+// The grey level behind transparent pixels. White, as most viewers have it, unless the edges of
+// what is opaque show less contrast on it than on black (white prints for dark cloth) or, for
+// prints of both, on a grey between.
+int GroundFor(const cv::Mat& bgra) {
+  constexpr std::array kGrounds = {255, 0, 128};
+  constexpr int kEnough = 64;       // levels of contrast: more does not make an edge clearer
+  constexpr double kClearly = 1.1;  // as much more contrast as white has to have less
+  std::array<double, 256> edges{};  // steps of alpha, by the level of their more opaque side
+  const auto add = [&](const cv::Vec4b& one, const cv::Vec4b& other) {
+    if (one[3] == other[3]) return;
+    const cv::Vec4b& opaque = one[3] > other[3] ? one : other;
+    const int level = (29 * opaque[0] + 150 * opaque[1] + 77 * opaque[2]) / 256;
+    edges[static_cast<std::size_t>(level)] += std::abs(one[3] - other[3]);
+  };
+  for (int y = 0; y < bgra.rows; ++y) {
+    const auto* row = bgra.ptr<cv::Vec4b>(y);
+    const auto* next = bgra.ptr<cv::Vec4b>(std::min(y + 1, bgra.rows - 1));
+    for (int x = 0; x < bgra.cols; ++x) {
+      add(row[x], row[std::min(x + 1, bgra.cols - 1)]);
+      add(row[x], next[x]);
+    }
+  }
+  int best = kGrounds[0];
+  double most = 0;
+  for (const int ground : kGrounds) {
+    double contrast = 0;
+    for (int level = 0; level < 256; ++level) {
+      contrast +=
+          edges[static_cast<std::size_t>(level)] * std::min(std::abs(level - ground), kEnough);
+    }
+    if (contrast <= kClearly * most) continue;
+    most = contrast;
+    best = ground;
+  }
+  return best;
+}
+
+// B, G, R of B, G, R, A: transparent pixels get a ground, because the colour under them is
+// arbitrary.
+cv::Mat ComposeOnGround(const cv::Mat& bgra) {
+  const int ground = GroundFor(bgra);
   cv::Mat bgr(bgra.size(), CV_8UC3);
   for (int y = 0; y < bgra.rows; ++y) {
     const auto* source = bgra.ptr<cv::Vec4b>(y);
@@ -77,7 +116,7 @@ cv::Mat ComposeOnWhite(const cv::Mat& bgra) {
       const int alpha = source[x][3];
       for (int c = 0; c < 3; ++c) {
         target[x][c] =
-            static_cast<std::uint8_t>((source[x][c] * alpha + 255 * (255 - alpha) + 127) / 255);
+            static_cast<std::uint8_t>((source[x][c] * alpha + ground * (255 - alpha) + 127) / 255);
       }
     }
   }
@@ -106,7 +145,7 @@ Image Finished(cv::Mat pixels, int orientation, const ScaledSize& size, bool col
 // Grey, or B, G, R; not turned upright.
 cv::Mat Read(Bytes bytes, const ImageHeader& header, bool colour, int reduction) {
   cv::Mat pixels = DecodePixels(bytes, header, colour, reduction);
-  return pixels.channels() == 4 ? ComposeOnWhite(pixels) : pixels;
+  return pixels.channels() == 4 ? ComposeOnGround(pixels) : pixels;
 }
 
 // What is asked of one image: a size is of the upright one.
@@ -219,7 +258,10 @@ std::string MediaType(ImageFormat format) {
                                         "image/png",
                                         "image/webp",
                                         "image/bmp",
-                                        "image/tiff"};
+                                        "image/tiff",
+                                        "image/gif",
+                                        "image/heic",
+                                        "image/avif"};
   return kTypes[static_cast<std::size_t>(format)];
 }
 
@@ -247,6 +289,9 @@ Image ResizeImage(const Image& image, int width, int height) {
   return CopyFromMat(scaled);
 }
 
-void ResizeWithoutThreads() { cv::setNumThreads(1); }
+void PrepareForSandbox() {
+  cv::setNumThreads(1);
+  LoadHeifPlugins();
+}
 
 }  // namespace pliant

@@ -58,7 +58,10 @@ inline Region SeenFrom(const Region& region, int left, int top) {
   return {region.x - left, region.y - top, region.width, region.height};
 }
 
-enum class ImageFormat { kUnknown, kJpeg, kPng, kWebp, kBmp, kTiff };
+enum class ImageFormat { kUnknown, kJpeg, kPng, kWebp, kBmp, kTiff, kGif, kHeic, kAvif };
+
+// The formats that Pliant reads, as sentences name them.
+inline constexpr const char* kImageFormats = "JPEG, PNG, WebP, HEIC, AVIF, GIF, BMP or TIFF";
 
 // The content of the header, without decoding. Width and height are before EXIF orientation.
 struct ImageHeader {
@@ -132,7 +135,8 @@ Image CutOut(const Image& image, const PixelBox& box);
 // Scales to exactly width x height: bicubic to a larger image, otherwise by averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
-// From now on ResizeImage starts no threads, for a process that must not.
-void ResizeWithoutThreads();
+// For a process that can soon open no files and start no threads of its own: loads what DecodeImage
+// loads when it needs it; ResizeImage starts no threads from now on.
+void PrepareForSandbox();
 
 }  // namespace pliant

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image files, format by format. First the structure (size, completeness, cost of decoding),
 // because a file of a few kilobytes can declare gigabytes. Then the pixels, by the library of the
-// format: libjpeg-turbo, libpng, libwebp, libtiff; BMP needs none. Metadata are not decoded.
-// Internal to the descriptor library; callers use image.h.
+// format: libjpeg-turbo, libpng, libwebp, libtiff, giflib, libheif; BMP needs none. Metadata are
+// not decoded. Internal to the descriptor library; callers use image.h.
 #pragma once
 
 #include <cstddef>
@@ -60,7 +60,7 @@ class ByteReader {
 // The result of one pass over a file's structure.
 struct ScannedImage {
   ImageHeader header;
-  bool complete = true;       // the file does not end before its own structure says it does
+  bool complete = true;       // the file does not end before its pixels do
   std::size_t jpeg_rest = 0;  // JPEG: where the walk for the size ended; see CheckStructure
   std::string defect = {};    // why the structure is refused, "it names ..."; empty = it is not
 
@@ -73,20 +73,27 @@ struct ScannedImage {
 // Throws as ReadImageHeader does. Takes time linear in the file's size, with a small factor.
 ScannedImage ScanImage(Bytes bytes);
 
-// Throws Error "image_truncated" when the file ends before its own structure says it does: JPEG
-// without an end marker, PNG without IEND, WebP/BMP/TIFF data beyond the end of the file; and
-// "image_corrupt" for files that no camera or program writes: TIFF strips that overlap, a
-// progressive JPEG of thousands of scans. Of a JPEG this walks the pixels' data, which ScanImage
-// leaves out (callers check the size first), and adds the memory that its scans need.
+// Throws Error "image_truncated" when the file ends before its pixels do, as far as that is known
+// without decoding (BMP, TIFF); and "image_corrupt" for files that no camera or program writes:
+// TIFF strips that overlap, a progressive JPEG of thousands of scans. Of a JPEG this walks the
+// pixels' data, which ScanImage leaves out (callers check the size first), and adds the memory that
+// its scans need.
 void CheckStructure(Bytes bytes, ScannedImage& scanned);
 
 // The pixels as they are stored, not turned upright, 8 bits each: grey, B, G, R, or B, G, R, A. A
 // JPEG gives grey if no colour is wanted, at 1/reduction of its size (1, 2, 4, 8); the others give
-// what they have. Throws Error "image_corrupt", also if the decoder finds another size than the
-// header says.
+// what they have. Throws Error "image_truncated" when the file ends and rows are missing (an end
+// mark alone can be), and "image_corrupt", also if the decoder finds another size than the header
+// says.
 cv::Mat DecodePixels(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 
+inline constexpr const char* kRowsMissing = "rows of pixels are missing";
+[[noreturn]] void ThrowTruncated(const std::string& what);
 [[noreturn]] void ThrowUndecodable(const std::string& detail = {});
+
+// 8 bits of 16: grey, B, G, R, or B, G, R, A. If 14 bits or fewer are used, their largest value
+// becomes white (and another's alpha opaque), as cameras and scanners of 10, 12 or 14 bits mean it.
+cv::Mat ToEightBits(const cv::Mat& deep);
 
 // The orientation (tag 0x0112) of an EXIF block, which has the form of a TIFF file (EXIF 2.3): 1 to
 // 8; 1 when it is missing or makes no sense. Takes time linear in the block's size.
@@ -94,7 +101,7 @@ int ReadOrientation(Bytes exif);
 
 // The formats' parts of the above. Only DecodeJpeg uses `colour` and `reduction`.
 ScannedImage ScanJpeg(Bytes bytes);
-void CheckJpegScans(Bytes bytes, ScannedImage& scanned);  // sets complete and defect
+void CheckJpegScans(Bytes bytes, ScannedImage& scanned);  // sets the defect
 cv::Mat DecodeJpeg(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 
 // The planes of a JPEG as the file keeps them: one pass over the file gives grey values and
@@ -126,5 +133,10 @@ ScannedImage ScanBmp(Bytes bytes);
 cv::Mat DecodeBmp(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
 ScannedImage ScanTiff(Bytes bytes);
 cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+ScannedImage ScanGif(Bytes bytes);
+cv::Mat DecodeGif(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+ScannedImage ScanHeif(Bytes bytes);  // HEIC and AVIF
+cv::Mat DecodeHeif(Bytes bytes, const ImageHeader& header, bool colour, int reduction);
+void LoadHeifPlugins();
 
 }  // namespace pliant

@@ -8,6 +8,7 @@
 #include <memory>
 #include <new>
 
+#include <jerror.h>
 #include <jpeglib.h>
 #include <opencv2/imgproc.hpp>
 #include <turbojpeg.h>
@@ -81,13 +82,14 @@ std::int64_t CoefficientBytesBy16(const ByteReader& frame) {
   return 2 * 16 * sum / (most_h * most_v);
 }
 
-// By libjpeg itself: TurboJPEG does not tell a warning from a failure that follows one.
+// By libjpeg itself: TurboJPEG does not tell a warning from a failure that follows one, nor whether
+// rows are missing.
 class JpegDecoder {
  public:
   JpegDecoder() {
     jpeg_.err = jpeg_std_error(&errors_);
     errors_.error_exit = OnError;
-    errors_.emit_message = [](j_common_ptr, int) {};  // damage: pixels are missing or wrong
+    errors_.emit_message = OnWarning;
     jpeg_.client_data = this;
     jpeg_create_decompress(&jpeg_);
   }
@@ -97,14 +99,47 @@ class JpegDecoder {
 
   // Grey, B, G, R, or the inks C, M, Y, K.
   cv::Mat Decode(Bytes bytes, bool colour, int reduction) {
-    if (!Start(bytes, colour, reduction)) ThrowUndecodable(error_.data());
+    if (!Start(bytes, colour, reduction)) ThrowFailed();
     cv::Mat pixels(static_cast<int>(jpeg_.output_height), static_cast<int>(jpeg_.output_width),
                    CV_8UC(jpeg_.output_components));
-    if (!ReadRows(pixels)) ThrowUndecodable(error_.data());
+    if (!ReadRows(pixels)) ThrowFailed();
+    if (rows_missing_ || ScansMissing()) ThrowFailed();
+    if (ended_ ? jpeg_.arith_code != 0 : IsFilledUp(bytes)) ThrowTruncated(kRowsMissing);
     return pixels;
   }
 
  private:
+  [[noreturn]] void ThrowFailed() const {
+    if (ended_) ThrowTruncated(kRowsMissing);
+    ThrowUndecodable(error_[0] != 0 ? error_.data() : "a marker stands in the pixels' data");
+  }
+
+  // Where the data end early, a progressive image can have all its rows, but blurred, and one with
+  // a scan for each colour lacks colours. Data that an end mark closes are as their writer wants.
+  bool ScansMissing() const {
+    if (!ended_) return false;
+    for (int i = 0; i < jpeg_.num_components; ++i) {
+      if (jpeg_.comp_info[i].component_needed == 0) continue;
+      if (jpeg_.comp_info[i].quant_table == nullptr) return true;
+      const auto* bits = jpeg_.coef_bits == nullptr ? nullptr : jpeg_.coef_bits[i];
+      if (bits != nullptr && std::any_of(bits, bits + DCTSIZE2, [](int b) { return b != 0; })) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  // A download that stopped can have its whole length, zeros to the end: they are pixels as well.
+  bool IsFilledUp(Bytes bytes) const {
+    constexpr std::size_t kZeros = 32;
+    const std::size_t read = bytes.size() - jpeg_.src->bytes_in_buffer;
+    if (jpeg_.unread_marker == kEndOfImage || read < kZeros) return false;
+    const Bytes last = bytes.subspan(read - kZeros, kZeros);
+    if (!std::all_of(last.begin(), last.end(), [](std::uint8_t b) { return b == 0; })) return false;
+    std::size_t at = read;
+    return !WalkJpeg(bytes, at, [](int, Bytes) { return true; });
+  }
+
   // No destructor runs when libjpeg jumps back here.
   bool Start(Bytes bytes, bool colour, int reduction) {
     if (setjmp(jump_) != 0) return false;
@@ -127,6 +162,24 @@ class JpegDecoder {
     return true;
   }
 
+  // Level -1 is a warning: libjpeg goes on, with grey for the pixels it does not find.
+  static void OnWarning(j_common_ptr jpeg, int level) {
+    if (level >= 0) return;
+    auto& self = *static_cast<JpegDecoder*>(jpeg->client_data);
+    if (jpeg->err->msg_code == JWRN_JPEG_EOF) self.ended_ = true;
+    if (jpeg->err->msg_code == JWRN_HIT_MARKER && self.LosesRows()) self.rows_missing_ = true;
+  }
+
+  // At a marker that comes too early: a restart or another scan goes on behind it, and some files
+  // lack bits of their last blocks.
+  bool LosesRows() const {
+    if (ended_) return true;
+    const int marker = jpeg_.unread_marker;
+    const bool restart = marker >= 0xD0 && marker <= 0xD7 && jpeg_.restart_interval > 0;
+    return !restart && jpeg_.progressive_mode == 0 &&
+           jpeg_.input_iMCU_row + 1 < jpeg_.total_iMCU_rows;
+  }
+
   static void OnError(j_common_ptr jpeg) {
     auto& self = *static_cast<JpegDecoder*>(jpeg->client_data);
     jpeg->err->format_message(jpeg, self.error_.data());
@@ -137,6 +190,8 @@ class JpegDecoder {
   jpeg_error_mgr errors_{};
   std::jmp_buf jump_{};
   std::array<char, JMSG_LENGTH_MAX> error_{};
+  bool ended_ = false;  // the file has ended before its end mark
+  bool rows_missing_ = false;
 };
 
 // B, G, R of the inks C, M, Y, K as Adobe's programs store them, inverted.
@@ -198,7 +253,7 @@ void CheckJpegScans(Bytes bytes, ScannedImage& scanned) {
   int scans = 0;
   std::int64_t coefficients = 0;
   std::size_t at = scanned.jpeg_rest;
-  scanned.complete = WalkJpeg(bytes, at, [&](int marker, Bytes payload) {
+  WalkJpeg(bytes, at, [&](int marker, Bytes payload) {
     const ByteReader reader(payload, true);
     if (IsStartOfFrame(marker) && components == 0) {
       components = reader.U8(5).value_or(0);

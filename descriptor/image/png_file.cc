@@ -33,10 +33,12 @@ bool WalkPng(Bytes bytes, Visit visit) {
   return false;
 }
 
-// Of the decoder's result and of its conversions: transparency onto white, grey.
-std::int64_t PixelBytes(int colour_type, bool transparent_colour) {
+// Of the decoder's result and of its conversions: to 8 bits, transparency onto a ground, grey.
+std::int64_t PixelBytes(int bit_depth, int colour_type, bool transparent_colour) {
   const bool colour = (colour_type & PNG_COLOR_MASK_COLOR) != 0;
-  if ((colour_type & PNG_COLOR_MASK_ALPHA) != 0 || transparent_colour) return 4 + 3;
+  const bool alpha = (colour_type & PNG_COLOR_MASK_ALPHA) != 0 || transparent_colour;
+  if (bit_depth == 16) return 3 * (alpha ? 4 : colour ? 3 : 1);
+  if (alpha) return 4 + 3;
   return colour ? 3 + 1 : 1;
 }
 
@@ -52,8 +54,7 @@ double MostDataBytes(const ImageHeader& header, int bit_depth, int colour_type) 
 // one unpacks what lies behind the last row as well, a thousand times its size.)
 class PngDecoder {
  public:
-  // With `deep`, 16 bits stay 16.
-  explicit PngDecoder(bool deep) : deep_(deep) {
+  PngDecoder() {
     png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, OnError,
                                   [](png_structp, const char*) {});
     info_ = png_ == nullptr ? nullptr : png_create_info_struct(png_);
@@ -66,6 +67,7 @@ class PngDecoder {
     if (info_ == nullptr) throw std::bad_alloc();
     const bool decoded = Process(bytes);
     if (out_of_memory_) throw std::bad_alloc();
+    if (rows_missing_ && !WalkPng(bytes, [](std::size_t, Bytes) {})) ThrowTruncated(kRowsMissing);
     if (!decoded || rows_missing_) ThrowUndecodable(error_.data());
     return pixels_;
   }
@@ -73,13 +75,19 @@ class PngDecoder {
  private:
   // No destructor runs when libpng jumps back here.
   bool Process(Bytes bytes) {
-    if (setjmp(png_jmpbuf(png_)) != 0) return false;
+    // All rows can be there with something else behind them.
+    if (setjmp(png_jmpbuf(png_)) != 0) return !rows_missing_ && !InPixelData();
     // Texts and profiles may unpack to any size. All chunks that pixels do not depend on are
     // skipped.
     png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
     png_set_progressive_read_fn(png_, this, OnInfo, OnRow, nullptr);
     png_process_data(png_, info_, const_cast<png_bytep>(bytes.data()), bytes.size());  // only reads
     return true;
+  }
+
+  bool InPixelData() const {
+    constexpr png_uint_32 kPixelData = 0x49444154;  // IDAT
+    return png_get_io_chunk_type(png_) == kPixelData;
   }
 
   static void OnError(png_structp png, const char* text) {
@@ -91,11 +99,7 @@ class PngDecoder {
   static void OnInfo(png_structp png, png_infop info) {
     auto& self = *static_cast<PngDecoder*>(png_get_progressive_ptr(png));
     png_set_expand(png);  // palettes, transparent colours, less than 8 bits
-    if (!self.deep_) {
-      png_set_scale_16(png);
-    } else if (std::endian::native == std::endian::little) {
-      png_set_swap(png);
-    }
+    if (std::endian::native == std::endian::little) png_set_swap(png);
     png_set_bgr(png);
     const int type = png_get_color_type(png, info);
     if (type == PNG_COLOR_TYPE_GRAY_ALPHA ||
@@ -133,7 +137,6 @@ class PngDecoder {
     }
   }
 
-  const bool deep_;
   png_structp png_ = nullptr;
   png_infop info_ = nullptr;
   cv::Mat pixels_;
@@ -159,7 +162,7 @@ ScannedImage ScanPng(Bytes bytes) {
   bool exif = false;
   bool transparent_colour = false;
   double data_bytes = 0;
-  scanned.complete = WalkPng(bytes, [&](std::size_t type, Bytes data) {
+  WalkPng(bytes, [&](std::size_t type, Bytes data) {
     if (reader.StartsWith(type, "tRNS")) transparent_colour = true;
     if (reader.StartsWith(type, "IDAT")) data_bytes += static_cast<double>(data.size());
     if (!exif && reader.StartsWith(type, "eXIf")) {
@@ -167,20 +170,22 @@ ScannedImage ScanPng(Bytes bytes) {
       exif = true;
     }
   });
+  const int bit_depth = reader.U8(24).value_or(0);
   const int colour_type = reader.U8(25).value_or(0);
-  scanned.pixel_bytes = PixelBytes(colour_type, transparent_colour);
+  scanned.pixel_bytes = PixelBytes(bit_depth, colour_type, transparent_colour);
   // Compressed data that are larger than what they unpack to are none of this image's.
   constexpr double kTolerated = 64 * 1024;
-  if (data_bytes > MostDataBytes(header, reader.U8(24).value_or(0), colour_type) + kTolerated) {
+  if (data_bytes > MostDataBytes(header, bit_depth, colour_type) + kTolerated) {
     scanned.defect = "it has more data than its size needs";
   }
   return scanned;
 }
 
 cv::Mat DecodePng(Bytes bytes, const ImageHeader& /*header*/, bool /*colour*/, int /*reduction*/) {
-  return PngDecoder(false).Decode(bytes);
+  const cv::Mat pixels = PngDecoder().Decode(bytes);
+  return pixels.depth() == CV_16U ? ToEightBits(pixels) : pixels;
 }
 
-cv::Mat DecodeDeepPng(Bytes bytes) { return PngDecoder(true).Decode(bytes); }
+cv::Mat DecodeDeepPng(Bytes bytes) { return PngDecoder().Decode(bytes); }
 
 }  // namespace pliant

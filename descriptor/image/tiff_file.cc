@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// TIFF 6.0: directories of tags that point to strips or tiles of pixels. The first directory
-// counts.
+// TIFF 6.0 and BigTIFF: directories of tags that point to strips or tiles of pixels. Each is a
+// page; the largest counts, because scanners and cameras put small ones before it or behind.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -18,11 +18,9 @@
 namespace pliant {
 namespace {
 
+constexpr int kMostPages = 16;                 // that are looked at
 constexpr std::uint32_t kMostPieces = 65'536;  // libtiff starts again for every strip or tile
 constexpr tmsize_t kMostTableBytes = tmsize_t{256} << 20;
-// Three of colour and one of grey; colours are there twice while they are turned.
-constexpr std::int64_t kPixelBytes = 4;
-constexpr std::int64_t kTurnedPixelBytes = 6;
 
 // A file in memory, as libtiff reads it.
 struct MemoryFile {
@@ -60,7 +58,33 @@ struct Close {
 };
 using Tiff = std::unique_ptr<TIFF, Close>;
 
-// Null if there is no readable directory. `file` must live as long.
+template <typename T>
+T Field(const Tiff& tiff, std::uint32_t tag, T otherwise) {
+  T value{};
+  return TIFFGetFieldDefaulted(tiff.get(), tag, &value) != 0 ? value : otherwise;
+}
+
+void GoToLargestPage(const Tiff& tiff) {
+  double most_pixels = -1;
+  int largest = 0;
+  int page = 0;
+  for (;; ++page) {
+    const double pixels = 1.0 * Field<std::uint32_t>(tiff, TIFFTAG_IMAGEWIDTH, 0) *
+                          Field<std::uint32_t>(tiff, TIFFTAG_IMAGELENGTH, 0);
+    if (pixels > most_pixels) {
+      most_pixels = pixels;
+      largest = page;
+    }
+    if (page + 1 == kMostPages || TIFFLastDirectory(tiff.get()) != 0) break;
+    if (TIFFReadDirectory(tiff.get()) == 0) {
+      page = -1;  // none is current
+      break;
+    }
+  }
+  if (page != largest) TIFFSetDirectory(tiff.get(), static_cast<tdir_t>(largest));
+}
+
+// At the largest page. Null if there is no readable directory. `file` must live as long.
 Tiff Open(MemoryFile& file) {
   TIFFOpenOptions* options = TIFFOpenOptionsAlloc();
   TIFFOpenOptionsSetMaxSingleMemAlloc(options, kMostTableBytes);
@@ -72,13 +96,8 @@ Tiff Open(MemoryFile& file) {
       [](thandle_t handle) -> toff_t { return static_cast<MemoryFile*>(handle)->bytes.size(); },
       Map, [](thandle_t, void*, toff_t) {}, options));
   TIFFOpenOptionsFree(options);
+  if (tiff) GoToLargestPage(tiff);
   return tiff;
-}
-
-template <typename T>
-T Field(const Tiff& tiff, std::uint32_t tag, T otherwise) {
-  T value{};
-  return TIFFGetFieldDefaulted(tiff.get(), tag, &value) != 0 ? value : otherwise;
 }
 
 std::uint32_t Pieces(const Tiff& tiff) {
@@ -130,29 +149,134 @@ void CheckPieces(const Tiff& tiff, std::size_t file_bytes, ScannedImage& scanned
   }
 }
 
-// One strip or tile at (x, y), of pixels with premultiplied alpha, bottom row first, onto white.
+enum class Alpha { kNone, kPremultiplied, kSeparate };
+
+// As libtiff's own conversion takes it.
+Alpha AlphaOf(const Tiff& tiff) {
+  const int samples = Field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  std::uint16_t count = 0;
+  const std::uint16_t* kinds = nullptr;
+  TIFFGetFieldDefaulted(tiff.get(), TIFFTAG_EXTRASAMPLES, &count, &kinds);
+  if (count == 0) return Alpha::kNone;
+  if (kinds[0] == EXTRASAMPLE_UNASSALPHA) return Alpha::kSeparate;
+  return kinds[0] == EXTRASAMPLE_ASSOCALPHA || samples > 3 ? Alpha::kPremultiplied : Alpha::kNone;
+}
+
+// The colour that was multiplied with alpha.
+std::uint8_t Divided(std::uint32_t value, std::uint32_t alpha) {
+  if (alpha == 0) return 0;
+  return static_cast<std::uint8_t>(std::min(255U, (value * 255 + alpha / 2) / alpha));
+}
+
+// Whether the samples are plain numbers of 16 bits. libtiff's conversion to 8 bits takes all 16 for
+// used (ToEightBits).
+bool IsDeep(const Tiff& tiff) {
+  const int samples = Field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  const int alphas = AlphaOf(tiff) == Alpha::kNone ? 0 : 1;
+  const int photometric = Field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_SEPARATED);
+  const int colours = photometric == PHOTOMETRIC_RGB ? 3 : 1;
+  return Field<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE, 1) == 16 &&
+         Field<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT) == SAMPLEFORMAT_UINT &&
+         (samples == 1 ||
+          Field<std::uint16_t>(tiff, TIFFTAG_PLANARCONFIG, 0) == PLANARCONFIG_CONTIG) &&
+         photometric <= PHOTOMETRIC_RGB && samples == colours + alphas;
+}
+
+// Of the decoder's result and its conversions.
+std::int64_t PixelBytes(const Tiff& tiff, int orientation) {
+  const bool alpha = AlphaOf(tiff) != Alpha::kNone;
+  if (IsDeep(tiff)) return 3 * (alpha ? 4 : Field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1));
+  if (alpha) return 4 + 3;
+  return orientation >= 5 ? 3 + 3 : 3 + 1;  // turned, or grey
+}
+
+// One strip or tile at (x, y), of pixels with premultiplied alpha, bottom row first.
 void Place(const std::vector<std::uint32_t>& raster, const PieceSize& piece, int rows, int x, int y,
            cv::Mat& pixels) {
   const int columns = std::min(static_cast<int>(piece.width), pixels.cols - x);
-  const auto onto_white = [](std::uint32_t value, std::uint32_t alpha) {
-    return static_cast<std::uint8_t>(std::min(255U, value + 255 - alpha));
-  };
   for (int row = 0; row < std::min(rows, pixels.rows - y); ++row) {
     const std::uint32_t* from =
         raster.data() + static_cast<std::size_t>(rows - 1 - row) * piece.width;
-    auto* to = pixels.ptr<cv::Vec3b>(y + row) + x;
+    std::uint8_t* to = pixels.ptr(y + row, x);
     for (int i = 0; i < columns; ++i) {
-      const std::uint32_t alpha = TIFFGetA(from[i]);
-      to[i] = {onto_white(TIFFGetB(from[i]), alpha), onto_white(TIFFGetG(from[i]), alpha),
-               onto_white(TIFFGetR(from[i]), alpha)};
+      const std::uint32_t alpha = pixels.channels() == 4 ? TIFFGetA(from[i]) : 255;
+      *to++ = Divided(TIFFGetB(from[i]), alpha);
+      *to++ = Divided(TIFFGetG(from[i]), alpha);
+      *to++ = Divided(TIFFGetR(from[i]), alpha);
+      if (pixels.channels() == 4) *to++ = static_cast<std::uint8_t>(alpha);
     }
   }
+}
+
+// The same of samples of 16 bits, top row first: grey, B, G, R, or B, G, R, A.
+void PlaceDeep(const std::vector<std::uint16_t>& samples, const PieceSize& piece, int rows, int x,
+               int y, int per_pixel, cv::Mat& pixels) {
+  const int columns = std::min(static_cast<int>(piece.width), pixels.cols - x);
+  const int colours = per_pixel >= 3 ? 3 : 1;
+  for (int row = 0; row < std::min(rows, pixels.rows - y); ++row) {
+    const std::uint16_t* from =
+        samples.data() + static_cast<std::size_t>(row) * piece.width * per_pixel;
+    auto* to = pixels.ptr<std::uint16_t>(y + row, x);
+    for (int i = 0; i < columns; ++i, from += per_pixel, to += pixels.channels()) {
+      for (int c = 0; c < std::min(pixels.channels(), 3); ++c)
+        to[c] = from[colours == 3 ? 2 - c : 0];
+      if (pixels.channels() == 4) to[3] = from[colours];
+    }
+  }
+}
+
+// Calls read(column, row, rows) for each strip or tile; false: it cannot be read.
+template <typename Read>
+void ForEachPiece(const Tiff& tiff, const PieceSize& piece, const ImageHeader& header, Read read) {
+  if (piece.width == 0 || piece.height == 0) ThrowUndecodable("empty strips");
+  const bool tiled = TIFFIsTiled(tiff.get()) != 0;
+  const auto width = static_cast<std::uint32_t>(header.width);
+  const auto height = static_cast<std::uint32_t>(header.height);
+  for (std::uint32_t y = 0; y < height; y += piece.height) {
+    for (std::uint32_t x = 0; x < width; x += piece.width) {
+      // The last strip has the rows that are left; a tile is always whole.
+      if (!read(x, y, tiled ? piece.height : std::min(piece.height, height - y))) {
+        ThrowUndecodable();
+      }
+    }
+  }
+}
+
+cv::Mat DecodeDeep(const Tiff& tiff, const ImageHeader& header, const PieceSize& piece) {
+  const int per_pixel = Field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  const Alpha alpha = AlphaOf(tiff);
+  cv::Mat deep(static_cast<int>(header.height), static_cast<int>(header.width),
+               CV_16UC(alpha != Alpha::kNone ? 4 : per_pixel));
+  std::vector<std::uint16_t> samples(std::size_t{piece.width} * piece.height * per_pixel);
+  ForEachPiece(tiff, piece, header, [&](std::uint32_t x, std::uint32_t y, std::uint32_t rows) {
+    const auto wanted = static_cast<tmsize_t>(std::size_t{piece.width} * rows * per_pixel * 2);
+    const tmsize_t got =
+        TIFFIsTiled(tiff.get()) != 0
+            ? TIFFReadEncodedTile(tiff.get(), TIFFComputeTile(tiff.get(), x, y, 0, 0),
+                                  samples.data(), wanted)
+            : TIFFReadEncodedStrip(tiff.get(), TIFFComputeStrip(tiff.get(), y, 0), samples.data(),
+                                   wanted);
+    if (got < wanted) return false;
+    PlaceDeep(samples, piece, static_cast<int>(rows), static_cast<int>(x), static_cast<int>(y),
+              per_pixel, deep);
+    return true;
+  });
+  cv::Mat pixels = ToEightBits(deep);
+  if (alpha == Alpha::kPremultiplied) {
+    for (cv::Vec4b& pixel : cv::Mat_<cv::Vec4b>(pixels)) {
+      for (int c = 0; c < 3; ++c) pixel[c] = Divided(pixel[c], pixel[3]);
+    }
+  }
+  if (Field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, 0) == PHOTOMETRIC_MINISWHITE) {
+    pixels ^= cv::Scalar(255, 255, 255, 0);
+  }
+  return pixels;
 }
 
 }  // namespace
 
 ScannedImage ScanTiff(Bytes bytes) {
-  ScannedImage scanned{.header = {.format = ImageFormat::kTiff}, .pixel_bytes = kPixelBytes};
+  ScannedImage scanned{.header = {.format = ImageFormat::kTiff}};
   MemoryFile file{bytes};
   const Tiff tiff = Open(file);
   if (!tiff) return scanned;
@@ -160,13 +284,8 @@ ScannedImage ScanTiff(Bytes bytes) {
   scanned.header.height = Field<std::uint32_t>(tiff, TIFFTAG_IMAGELENGTH, 0);
   const int orientation = Field<std::uint16_t>(tiff, TIFFTAG_ORIENTATION, 1);
   if (orientation >= 1 && orientation <= 8) scanned.header.exif_orientation = orientation;
-  if (scanned.header.exif_orientation >= 5) scanned.pixel_bytes = kTurnedPixelBytes;
+  scanned.pixel_bytes = PixelBytes(tiff, scanned.header.exif_orientation);
   scanned.buffer_bytes = BufferBytes(tiff, PieceSizeOf(tiff, scanned.header));
-  // The directory ends with the place of the next one, 4 bytes behind entries of 12.
-  const ByteReader reader(bytes, TIFFIsBigEndian(tiff.get()) != 0);
-  const std::uint64_t directory = TIFFCurrentDirOffset(tiff.get());
-  const std::size_t entries = reader.U16(directory).value_or(0);
-  scanned.complete = reader.U32(directory + 2 + 12 * entries).has_value();
   CheckPieces(tiff, bytes.size(), scanned);
   return scanned;
 }
@@ -180,25 +299,21 @@ cv::Mat DecodeTiff(Bytes bytes, const ImageHeader& header, bool /*colour*/, int 
     if (text.starts_with("Sorry, ")) text.remove_prefix(7);
     ThrowUndecodable(std::string(text));
   }
-  TIFFSetField(tiff.get(), TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);  // callers turn it upright
   const PieceSize piece = PieceSizeOf(tiff, header);
-  if (piece.width == 0 || piece.height == 0) ThrowUndecodable("empty strips");
-  const bool tiled = TIFFIsTiled(tiff.get()) != 0;
-  cv::Mat pixels(static_cast<int>(header.height), static_cast<int>(header.width), CV_8UC3);
+  if (IsDeep(tiff)) return DecodeDeep(tiff, header, piece);
+  TIFFSetField(tiff.get(), TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT);  // callers turn it upright
+  const bool alpha = AlphaOf(tiff) != Alpha::kNone;
+  cv::Mat pixels(static_cast<int>(header.height), static_cast<int>(header.width),
+                 alpha ? CV_8UC4 : CV_8UC3);
   std::vector<std::uint32_t> raster(std::size_t{piece.width} * piece.height);
-  for (int y = 0; y < pixels.rows; y += static_cast<int>(piece.height)) {
-    for (int x = 0; x < pixels.cols; x += static_cast<int>(piece.width)) {
-      const auto column = static_cast<std::uint32_t>(x);
-      const auto row = static_cast<std::uint32_t>(y);
-      const int read = tiled ? TIFFReadRGBATile(tiff.get(), column, row, raster.data())
-                             : TIFFReadRGBAStrip(tiff.get(), row, raster.data());
-      if (read == 0) ThrowUndecodable();
-      // The last strip has the rows that are left; a tile is always whole.
-      const int rows = tiled ? static_cast<int>(piece.height)
-                             : std::min(static_cast<int>(piece.height), pixels.rows - y);
-      Place(raster, piece, rows, x, y, pixels);
-    }
-  }
+  ForEachPiece(tiff, piece, header, [&](std::uint32_t x, std::uint32_t y, std::uint32_t rows) {
+    const int read = TIFFIsTiled(tiff.get()) != 0
+                         ? TIFFReadRGBATile(tiff.get(), x, y, raster.data())
+                         : TIFFReadRGBAStrip(tiff.get(), y, raster.data());
+    if (read == 0) return false;
+    Place(raster, piece, static_cast<int>(rows), static_cast<int>(x), static_cast<int>(y), pixels);
+    return true;
+  });
   return pixels;
 }
 

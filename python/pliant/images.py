@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Images as arguments: a path, encoded bytes, or an array of pixels.
 
-- `str` or `os.PathLike`: a file of JPEG, PNG, WebP, BMP or TIFF (the content counts, not the name);
+- `str` or `os.PathLike`: a file of JPEG, PNG, WebP, HEIC, AVIF, GIF, BMP or TIFF (the content counts, not the name);
 - `bytes`, `bytearray` or `memoryview`: the content of such a file;
 - an array of `uint8`, H x W (grey) or H x W x 3: red, green, blue, or OpenCV's order with `channels="BGR"`. Any
   memory layout; the function copies it.

@@ -118,7 +118,7 @@ int RunDecoder(int /*argc*/, const char* const* argv) {
   const SandboxLimits limits{.memory_bytes = std::atoll(argv[3]), .cpu_s = std::atoll(argv[4])};
   DecoderGreeting greeting;
   try {
-    ResizeWithoutThreads();
+    PrepareForSandbox();
     Copy(EnterSandbox(kDecoderSocket, limits), greeting.text);
     greeting.ready = 1;
   } catch (const std::exception& error) {

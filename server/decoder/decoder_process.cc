@@ -89,7 +89,7 @@ DecodedImage Checked(const DecodeAnswer& answer, const DecodeOptions& options) {
     ThrowBroken(said);
   }
   if (answer.format <= static_cast<int>(ImageFormat::kUnknown) ||
-      answer.format > static_cast<int>(ImageFormat::kTiff)) {
+      answer.format > static_cast<int>(ImageFormat::kAvif)) {
     ThrowBroken("format " + std::to_string(answer.format));
   }
   DecodedImage decoded;

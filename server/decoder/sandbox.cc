@@ -7,7 +7,9 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
+#include <utility>
 
+#include <sched.h>
 #include <seccomp.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -42,12 +44,13 @@ rlim_t UsedBytes() {
   return pages * static_cast<rlim_t>(sysconf(_SC_PAGESIZE));
 }
 
-// Allows what decoding needs, how the C library ends a process that has found its memory damaged,
-// and nothing that opens, connects, starts or makes anything. Returns 0 or an error number.
+// Allows what decoding needs, with the thread that libde265 starts, how the C library
+// ends a process that has found its memory damaged, and nothing that opens, connects, starts or
+// makes anything else. Returns 0 or an error number.
 int LimitCalls(int socket) {
   std::unique_ptr<void, decltype(&seccomp_release)> filter(seccomp_init(SCMP_ACT_KILL_PROCESS),
                                                            seccomp_release);
-  // Kernels before 4.14, and those that do not let us ask, end the thread instead: the only one.
+  // Kernels before 4.14, and those that do not let us ask, end the thread instead.
   if (!filter) filter.reset(seccomp_init(SCMP_ACT_KILL));
   int error = filter ? 0 : -EINVAL;
   const auto allow = [&](int call, auto... conditions) {
@@ -71,6 +74,17 @@ int LimitCalls(int socket) {
         SCMP_SYS(rt_sigreturn)}) {
     allow(call);
   }
+  constexpr scmp_datum_t kThread = CLONE_VM | CLONE_SIGHAND | CLONE_THREAD;
+  allow(SCMP_SYS(clone), SCMP_A0(SCMP_CMP_MASKED_EQ, kThread, kThread));
+  allow(SCMP_SYS(set_robust_list));
+  allow(SCMP_SYS(rseq));
+  // The C library falls back to clone: a filter cannot see the flags of clone3. dav1d starts no
+  // threads when it cannot count the processors.
+  for (const auto& [call, answer] :
+       {std::pair(SCMP_SYS(clone3), ENOSYS), std::pair(SCMP_SYS(sched_getaffinity), EPERM)}) {
+    if (error == 0) error = seccomp_rule_add(filter.get(), SCMP_ACT_ERRNO(answer), call, 0);
+  }
+  allow(SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_EQ, PR_SET_NAME));
   allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(getpid())));
   if (error == 0) error = seccomp_load(filter.get());
   return -error;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "descriptor/base/strings.h"
+#include "descriptor/image/image.h"
 #include "server/http/json.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
@@ -16,7 +17,7 @@
 namespace pliant::server {
 namespace {
 
-constexpr const char* kBinaryImage = "an image: JPEG, PNG, WebP, BMP or TIFF";
+std::string BinaryImage() { return std::string("an image: ") + kImageFormats; }
 
 bool Answers(const Route& route, int status) {
   return std::any_of(route.answers.begin(), route.answers.end(),
@@ -102,7 +103,8 @@ Json TagsOf(const std::vector<Route>& routes) {
 
 Json ImageProperties() {
   return {
-      {"image", {{"type", "string"}, {"contentEncoding", "base64"}, {"description", kBinaryImage}}},
+      {"image",
+       {{"type", "string"}, {"contentEncoding", "base64"}, {"description", BinaryImage()}}},
       {"image_url",
        {{"type", "string"},
         {"description",
@@ -216,7 +218,7 @@ Json JsonContent(const Route& route) {
 
 Json FormContent(const Route& route) {
   Json properties = Properties(route);
-  const Json image = {{"type", "string"}, {"format", "binary"}, {"description", kBinaryImage}};
+  const Json image = {{"type", "string"}, {"format", "binary"}, {"description", BinaryImage()}};
   const bool pair = route.body == BodyKind::kPair;
   properties["image"] = pair ? Json{{"type", "array"}, {"items", image}, {"maxItems", 2}} : image;
   Json schema = {{"type", "object"}, {"properties", properties}};

@@ -4,7 +4,7 @@
 import * as api from "./api.js";
 import { byId, count, eachOf, fileSize, make, onSubmit, say, shorten, smallButton } from "./dom.js";
 import { offerObjectNames } from "./filters.js";
-import { accept, fileAt, readable } from "./incoming.js";
+import { accept, fileAt, refuseOther } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName, kLongestName } from "./names.js";
 import { isLeaving, notify, settle } from "./undo.js";
@@ -138,7 +138,8 @@ function offerRename(item, id, metadata, collection) {
 
 // Uploads it. An object or image that is being deleted is deleted first, so that the new image stays.
 async function upload(item, given, { collection, ...more }) {
-  const file = item.file.address ? item.file : await readable(item.file);
+  const { file } = item;
+  if (!file.address) await refuseOther(file);
   await settle(api.objectPath(given.object, collection));
   const add = () => api.addImage({ file, collection, ...given }, more);
   const settled = async (id) => {

@@ -39,7 +39,10 @@ function setFull(on) {
 }
 byId("image-full").addEventListener("click", () => setFull(!byId("image-frame").classList.contains("full")));
 
-const kEndings = { "image/jpeg": "jpg", "image/png": "png", "image/webp": "webp", "image/bmp": "bmp", "image/tiff": "tiff" };
+const kEndings = {
+  "image/jpeg": "jpg", "image/png": "png", "image/webp": "webp", "image/bmp": "bmp", "image/tiff": "tiff", "image/gif": "gif", "image/heic": "heic",
+  "image/avif": "avif",
+};
 
 function downloadLink(image) {
   const ending = kEndings[image.media_type];

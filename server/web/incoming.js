@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Files that are chosen, dropped or pasted, images dragged from a page, addresses that the server fetches, and images of
-// kinds that only the browser reads.
+// Files that are chosen, dropped or pasted, images dragged from a page, and addresses that the server fetches.
 import { mayFetch } from "./api.js";
 import { byId, resultOr } from "./dom.js";
 
@@ -110,49 +109,22 @@ export function accept(view, inputs, use) {
   }
 }
 
-// --- kinds of files: the first bytes tell the kind, not the name. The browser converts images that the server does not read.
+// --- other kinds of files, by their first bytes: said here, before a film is sent.
 
-const kQuality = 0.95;
-const kLongestSide = 8192;  // of a converted image, in pixels; canvases have an end
+const kAdvice = [
+  [/^....ftyp(?!.{0,56}(avi[fs]|hei[cxms]|hev[cx]|m[is]f1))|^\x1aE\xdf\xa3/s, "A video is not a photo. Save a frame as JPEG first."],
+  [/^\s*(<\?xml.*)?<svg/is, "An SVG is a drawing, not a photo. Save it as PNG first."],
+  [/^%PDF/, "A PDF is a document, not a photo. Save the page as PNG first."],
+];
 
-const kServerReads = ["JPEG", "PNG", "WebP", "BMP", "TIFF"];
-const kAdvice = {
-  HEIC: "On an iPhone, choose Settings > Camera > Formats > Most Compatible. On a computer, export the photo as JPEG.",
-  SVG: "An SVG is a drawing, not a photo. Save it as PNG first.",
-  PDF: "A PDF is a document, not a photo. Save the page as PNG first.",
-  video: "A video is not a photo. Save a frame as JPEG first.",
-};
-
-// By the first bytes, as Latin-1; the first that fits counts.
-const kSignatures = {
-  JPEG: /^\xff\xd8\xff/, PNG: /^\x89PNG/, WebP: /^RIFF....WEBP/s, BMP: /^BM/, TIFF: /^(II\*\0|MM\0\*)/, GIF: /^GIF8/, PDF: /^%PDF/,
-  ICO: /^\0\0\x01\0/, "JPEG XL": /^(\xff\x0a|....JXL )/s, AVIF: /^....ftyp(avi[fs]|(hei|hev|mif1|msf1).{0,56}avif)/s,
-  HEIC: /^....ftyp(hei|hev|mif1|msf1)/s, video: /^(....ftyp|\x1aE\xdf\xa3)/s, SVG: /^\s*(<\?xml.*)?<svg/is,
-};
-
-// "JPEG", "HEIC", ...; null if unknown.
-export function kindOf(bytes) {
+// What to do with a file of these first bytes, which is no photo; undefined for others.
+export function adviceFor(bytes) {
   const head = String.fromCharCode(...bytes.slice(0, 256));
-  return Object.keys(kSignatures).find((kind) => kSignatures[kind].test(head)) ?? null;
+  return kAdvice.find(([start]) => start.test(head))?.[1];
 }
 
-// The same file, or a converted one. Throws an Error with a sentence.
-export async function readable(file) {
-  const kind = kindOf(new Uint8Array(await file.slice(0, 256).arrayBuffer()));
-  if (kind === null || kServerReads.includes(kind)) return file;
-  const bitmap = kind === "SVG" ? null : await createImageBitmap(file).catch(() => null);
-  if (!bitmap) {
-    const advice = kAdvice[kind] ?? "Save it as JPEG or PNG first.";
-    throw new Error(["SVG", "PDF", "video"].includes(kind) ? advice : `${kind} images cannot be read here. ${advice}`);
-  }
-  const scale = Math.min(1, kLongestSide / Math.max(bitmap.width, bitmap.height));
-  const canvas = new OffscreenCanvas(Math.round(bitmap.width * scale), Math.round(bitmap.height * scale));
-  const context = canvas.getContext("2d");
-  context.fillStyle = "#fff";  // below transparent pixels
-  context.fillRect(0, 0, canvas.width, canvas.height);
-  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
-  bitmap.close();
-  const [type, ending] = kind === "GIF" ? ["image/png", "png"] : ["image/jpeg", "jpg"];
-  const blob = await canvas.convertToBlob({ type, quality: kQuality });
-  return new File([blob], `${file.name.replace(/\.[^.]{1,5}$/, "")}.${ending}`, { type, lastModified: file.lastModified });
+// Throws an Error with a sentence.
+export async function refuseOther(file) {
+  const advice = adviceFor(new Uint8Array(await file.slice(0, 256).arrayBuffer()));
+  if (advice) throw new Error(advice);
 }

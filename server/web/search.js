@@ -7,7 +7,7 @@ import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
 import { byId, copyText, count, make, say } from "./dom.js";
 import { decode, storedImage } from "./draw.js";
 import { filterParameters, filterSettings, isFiltered, takeFilters, whenFiltersChange } from "./filters.js";
-import { accept, fileOfData, readable } from "./incoming.js";
+import { accept, fileOfData, refuseOther } from "./incoming.js";
 import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
 import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
@@ -156,13 +156,12 @@ function forget() {
 // --- ways in
 
 // Reading a file may take long. Meanwhile people go elsewhere or give another one.
-async function searchFile(given) {
-  if (!given) return;
-  latest = given;
-  const isWanted = () => latest === given && showing() === "search";
-  let file = null;
+async function searchFile(file) {
+  if (!file) return;
+  latest = file;
+  const isWanted = () => latest === file && showing() === "search";
   try {
-    file = await readable(given);
+    await refuseOther(file);
   } catch (error) {
     if (isWanted()) say(status, error.message, true);
     return;

@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """Writes the corpora's own files, seed_*, into tests/fuzz/corpus: small valid inputs of every kind, and the
-small ones of the hostile images. Files with other names, which fuzzing found, stay.
+small ones of the hostile images. Files with other names stay: fuzzing found them, or heif-enc wrote them (.heic, .avif).
 
     /usr/bin/python3 tests/fuzz/make_corpus.py
 

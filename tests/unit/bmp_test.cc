@@ -98,6 +98,10 @@ TEST(Bmp, AlphaIsUsedIfAnythingIsVisible) {
   EXPECT_EQ(At(none, 2, 2), (Colour{0, 0, 255}));
   const Image without = Decoded(File({.bits = 32}, Rows(4, [](int, int) { return 0x000000FFU; })));
   EXPECT_EQ(At(without, 2, 2), (Colour{0, 0, 255}));
+  const Image spare = Decoded(
+      File({.bits = 32}, Rows(4, [](int x, int) { return x < 8 ? 0xFF0000FFU : 0x00FF0000U; })));
+  EXPECT_EQ(At(spare, 2, 2), (Colour{0, 0, 255}));
+  EXPECT_EQ(At(spare, 12, 2), (Colour{255, 255, 255}));
 }
 
 TEST(Bmp, RunLengthsOfEightBits) {
@@ -183,7 +187,7 @@ TEST(Bmp, WhatCannotBeReadIsRefused) {
     ExpectError(ErrorCode::kUnprocessable, "image_corrupt", [&] { Decoded(File(bitmap, data)); });
   }
   const FileBytes cut_short = File({.bits = 8, .compression = 1}, {16, 1, 0, 0});
-  ExpectError(ErrorCode::kUnprocessable, "image_corrupt", [&] { Decoded(cut_short); });
+  ExpectError(ErrorCode::kUnprocessable, "image_truncated", [&] { Decoded(cut_short); });
 }
 
 }  // namespace

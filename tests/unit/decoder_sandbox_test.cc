@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <functional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fcntl.h>
@@ -126,6 +127,16 @@ TEST_F(Sandbox, ReadsAndWritesItsSocket) {
     return memory[memory.size() / 2] == 'x' ? 0 : 2;
   };
   EXPECT_EQ(InSandbox(talk), "left 0");
+}
+
+// libde265 (HEIC) starts one.
+TEST_F(Sandbox, CanStartThreadsButNoProcesses) {
+  const auto start = [](int) {
+    int result = 1;
+    std::thread([&] { result = 0; }).join();
+    return result;
+  };
+  EXPECT_EQ(InSandbox(start), "left 0");
 }
 
 TEST_F(Sandbox, HasNoMoreMemoryThanAllowed) {

@@ -134,13 +134,29 @@ def tiffs():
     }
 
 
+def gif(interlaced, transparent=None):
+    """Codes of 8 bits: a clear code (128) begins each row, before the table would grow."""
+    rows = grey() // 2
+    order = [y for first, step in [(0, 8), (4, 8), (2, 4), (1, 2)] for y in range(first, HEIGHT, step)] if interlaced else range(HEIGHT)
+    codes = b"".join(b"\x80" + rows[y].tobytes() for y in order) + b"\x81"
+    blocks = b"".join(bytes([len(codes[at:at + 255])]) + codes[at:at + 255] for at in range(0, len(codes), 255))
+    control = b"" if transparent is None else b"\x21\xf9\4\1\0\0" + bytes([transparent, 0])
+    return (b"GIF89a" + struct.pack("<HHBBB", WIDTH + 4, HEIGHT, 0xF6, 0, 0) + bytes(i * 2 for i in range(128) for _ in range(3))
+            + b"\x21\xfe\2hi\0" + control + struct.pack("<BHHHHB", 0x2C, 2, 0, WIDTH, HEIGHT, 0x40 if interlaced else 0)
+            + b"\7" + blocks + b"\0\x3b")
+
+
+def gifs():
+    return {"plain.gif": gif(False), "interlaced.gif": gif(True, 9)}
+
+
 def hostile():
     made = {name: make() for name, make in BOMBS.items()}
     return {f"hostile_{name}": data for name, data in made.items() if len(data) <= MOST_HOSTILE_BYTES}
 
 
 def images():
-    return {**jpegs(), **pngs(), **webps(), **bmps(), **tiffs(), **hostile()}
+    return {**jpegs(), **pngs(), **webps(), **bmps(), **tiffs(), **gifs(), **hostile()}
 
 
 def exif_blocks():
