@@ -9,6 +9,7 @@
 #include "descriptor/base/base64.h"
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/base/strings.h"
+#include "index/files/image_files.h"
 #include "index/files/text.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
@@ -110,6 +111,17 @@ std::pair<std::string, std::string> SplitName(const std::string& path) {
   return {path.substr(begin), std::move(folder)};
 }
 
+enum class Kind { kOrdinary, kHidden, kSystem };
+
+// By the first of the file's folders that is not an ordinary one, or by the file's own name.
+Kind KindOf(const std::string& folder, const std::string& own_name) {
+  for (const std::string& part : Split(folder, '/')) {
+    if (part.starts_with('.')) return Kind::kHidden;
+    if (IsSystemFolder(part)) return Kind::kSystem;
+  }
+  return own_name.starts_with('.') ? Kind::kHidden : Kind::kOrdinary;
+}
+
 std::string Above(const std::string& folder) {
   return folder.substr(0, folder.rfind('/') + 1);  // npos + 1 = 0
 }
@@ -192,11 +204,11 @@ std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
       next.path = std::string(TextOf(content));
     } else if (type != 'g' && type != 'K') {
       const std::string name = next.path.value_or(NameIn(header));
-      const std::string own_name = SplitName(name).first;  // empty: a folder
-      // Systems write names with a dot beside the files themselves.
-      if ((type == '0' || type == '\0' || type == '7') && !own_name.empty() && own_name[0] != '.') {
-        files.push_back({name, content});
-      }
+      const auto [own_name, folder] = SplitName(name);
+      const bool is_file = (type == '0' || type == '\0' || type == '7') && !own_name.empty();
+      const Kind kind = KindOf(folder, own_name);
+      if (is_file && kind == Kind::kOrdinary) files.push_back({name, content});
+      if (is_file && kind == Kind::kSystem) ++system_files_;
       if (files.size() > kMostBulkItems) {
         ThrowInvalid("body", "The archive has more than " + std::to_string(kMostBulkItems) +
                                  " files. Send it in parts.");

@@ -44,6 +44,8 @@ class BulkItems {
   BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults);
 
   std::size_t size() const { return items_.size(); }
+  // Of a TAR: left out, as FindImages() leaves files out.
+  std::uint64_t system_files() const { return system_files_; }
   // For people; known also for items that are wrong. "line 3", or the file's name.
   std::string NameOf(std::size_t i) const;
   // Throws ProblemError that says what is wrong with it: "invalid_json", "missing_parameter",
@@ -56,7 +58,7 @@ class BulkItems {
     std::string_view content;  // inside the body
   };
 
-  static std::vector<Raw> ReadTar(std::string_view archive);
+  std::vector<Raw> ReadTar(std::string_view archive);
   static std::vector<Raw> ReadLines(std::string_view body);
   std::string CommonWay() const;
   BulkItem OfLine(std::string_view line) const;
@@ -65,6 +67,7 @@ class BulkItems {
 
   const BulkDefaults defaults_;
   const bool is_tar_;
+  std::uint64_t system_files_ = 0;
   std::vector<Raw> items_;
   bool object_is_folder_ = false;
   std::string common_way_;  // above all folders that are in folders; with a slash at its end

@@ -163,6 +163,7 @@ constexpr const char* kSchemas = R"json({
     "id": "string", "kind": "string", "collection": "string",
     "state": "'queued'|'running'|'done'|'failed'|'cancelled'",
     "done": "number: of total", "total": "number", "failed": "integer: number of failed items",
+    "system_files": "integer: files in folders of systems (trash, thumbnails), which an import left out",
     "attempts": "integer: number of starts", "created_at": "time", "finished_at": "time|null",
     "parameters": "any",
     "skipped[]?": {"": "the first 100 skipped items", "item": "string", "code": "string",

@@ -141,12 +141,15 @@ TEST_F(ImportTest, TarArchives) {
   const std::string archive =
       TarEntry("shelf/", "", '5') + TarEntry("shelf/mug/a.png", TestImage(1)) +
       TarEntry("shelf/mug/b.png", TestImage(2)) + TarEntry("shelf/cup/._c.png", "x") +
-      TarEntry("shelf/cup/c.png", TestImage(3)) + TarEntry("shelf/notes.txt", "no image") +
-      TarEntry("link.png", "", '2') + std::string(1024, '\0');
+      TarEntry("shelf/.trash/d.png", TestImage(4)) + TarEntry("shelf/mug/@eaDir/a.png/M.png", "x") +
+      TarEntry("__MACOSX/shelf/._a.png", "x") + TarEntry("shelf/cup/c.png", TestImage(3)) +
+      TarEntry("shelf/notes.txt", "no image") + TarEntry("link.png", "", '2') +
+      std::string(1024, '\0');
   const Json job = Finished(client_->Post(kImport, archive, kTar));
   EXPECT_EQ(job["state"], "done") << job;
   EXPECT_EQ(job["total"], 4);
   EXPECT_EQ(job["failed"], 1);
+  EXPECT_EQ(job["system_files"], 2);
   const Json items = Items(job)["items"];
   ASSERT_EQ(items.size(), 4U);
   EXPECT_EQ(items[0]["object"], "mug");
