@@ -57,7 +57,7 @@ class Served(FolderCase):
         self.assertIn(job["id"], [one["id"] for one in client.jobs()])
         self.assertTrue(any(v["words"] == 50 and v["active"] for v in shelf.vocabularies()))
 
-        answer = shelf.search(other_view(0), top=2, explain=True, region=(0, 0, 160, 120))
+        answer = shelf.search(other_view(0), limit=2, explain=True, region=(0, 0, 160, 120))
         self.assertEqual(answer["hits"][0]["object"], "mug")
         self.assertEqual(len(answer["hits"]), 2)
         self.assertIn("mesh", answer["hits"][0]["explain"])
@@ -268,7 +268,7 @@ class ImagesByAddress(FolderCase):
                 client.add(pattern(seed), object=f"other {seed}")
             client.train(words=50)
             view = f"http://{host}/view.png"
-            self.assertEqual(client.search(image_url=view, top=1)["hits"][0]["object"], "mug")
+            self.assertEqual(client.search(image_url=view, limit=1)["hits"][0]["object"], "mug")
             self.assertTrue(client.locate(None, "mug", image_url=view)["found"])
             for pair in ({"first": self.folder / "mug.png", "second_url": view}, {"first_url": view, "second": pattern(0)},
                          {"first_url": f"http://{host}/mug.png", "second_url": view, "explain": True}):
