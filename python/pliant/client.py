@@ -58,8 +58,8 @@ class Client:
         other._use(name)
         return other
 
-    def collections(self) -> list[str]:
-        """The names of all collections."""
+    def collections(self) -> list[Json]:
+        """All collections by name, each as `info` returns it."""
         return list(self._ask("GET", "/v1/collections")["collections"])
 
     def create(self) -> Json:

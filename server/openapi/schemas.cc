@@ -24,10 +24,7 @@ constexpr const char* kSchemas = R"json({
     "name": "string", "display_name": "string|null: for people", "aliases": "string[]",
     "images": "integer", "objects": "integer", "descriptors": "integer: keypoints of all images",
     "vocabulary": "Vocabulary|null: the active one", "created_at": "time"},
-  "CollectionList": {
-    "collections": "string[]",
-    "labels[]": {"": "the same collections with their display names and aliases", "name": "string",
-      "display_name": "string|null: for people", "aliases": "string[]"}},
+  "CollectionList": {"collections": "Collection[]"},
   "CollectionPatch": {
     "": "a JSON merge patch (RFC 7396): absent keys stay as they are", "...": false,
     "display_name?": [{"type": ["string", "null"], "maxLength": 200,

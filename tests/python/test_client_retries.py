@@ -16,7 +16,7 @@ import pliant
 
 BUSY = (503, {"Retry-After": "0", "Content-Type": "application/problem+json"},
         json.dumps({"code": "busy", "title": "Service Unavailable", "status": 503, "detail": "too much to do"}).encode())
-GOOD = (200, {"Content-Type": "application/json"}, b'{"collections": ["default"]}')
+GOOD = (200, {"Content-Type": "application/json"}, b'{"collections": [{"name": "default"}]}')
 RECORD = (201, {"Content-Type": "application/json"}, b'{"id": "x"}')
 CUT = None  # the connection ends without an answer
 
@@ -87,7 +87,7 @@ class Scripted(unittest.TestCase):
 
     def test_busy(self):
         self.answers = [BUSY, BUSY, GOOD]
-        self.assertEqual(self.client.collections(), ["default"])
+        self.assertEqual(self.client.collections(), [{"name": "default"}])
         self.answers = [BUSY, RECORD]
         self.assertEqual(self.client.add(b"bytes"), {"id": "x"})  # POST: it was not begun
         self.assertEqual(self.methods(), ["GET"] * 3 + ["POST"] * 2)
