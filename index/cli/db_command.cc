@@ -25,6 +25,7 @@
 #include "index/engine/copy_database.h"
 #include "index/engine/engine.h"
 #include "index/files/text.h"
+#include "index/json/record_csv.h"
 #include "index/json/record_json.h"
 #include "index/store/open_store.h"
 
@@ -39,7 +40,8 @@ struct Options {
   std::string place;
   CopyOptions copy;             // `from` is the database
   std::uint64_t compare = 100;  // rankings, after the copy
-  // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each.
+  // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each;
+  // .csv: names and labels.
   std::filesystem::path out;
   std::optional<std::string> object;  // only its images are exported
   std::string filter;                 // only images whose metadata match
@@ -284,11 +286,18 @@ std::int64_t ExportRecords(Engine& engine, ImageListing list, const std::filesys
   list.limit = kRecordsAtOnce;
   std::optional<NewFile> file;
   if (out != kStandardOutput) file.emplace(out);
+  const bool csv = out.extension() == ".csv";
   std::uint64_t written = 0;
   std::int64_t images = 0;
+  if (csv) {
+    file->Write(0, kCsvHeader);
+    written = std::string_view(kCsvHeader).size();
+  }
   engine.ForEachPage(list, [&](const ImagePage& page) {
     std::string lines;
-    for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
+    for (const ImageRecord& record : page.records) {
+      lines += csv ? CsvRow(record) : ToText(ImageJson(record)) + '\n';
+    }
     file ? file->Write(written, lines) : WriteFile(out, lines);
     written += lines.size();
     images += static_cast<std::int64_t>(page.records.size());
@@ -302,11 +311,13 @@ ExitStatus Export(Options& options) {
   const bool to_output = options.out == kStandardOutput;
   const bool npz = options.out.extension() == ".npz";
   const std::string file = PathText(options.out);
-  if (!to_output && !npz && options.out.extension() != ".ndjson") {
-    throw Error(ErrorCode::kInvalidArgument, "bad_export_name",
-                file +
-                    ": unknown type of export; end the name in .npz (features, NumPy) or .ndjson "
-                    "(records), or give - for records on standard output");
+  if (!to_output && !npz && options.out.extension() != ".ndjson" &&
+      options.out.extension() != ".csv") {
+    throw Error(
+        ErrorCode::kInvalidArgument, "bad_export_name",
+        file +
+            ": unknown type of export; end the name in .npz (features, NumPy), .ndjson "
+            "(records) or .csv (names and labels), or give - for records on standard output");
   }
   CheckWritable(options.out);
   Engine engine = Open(options.engine, Access::kRead);
@@ -429,8 +440,8 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
           "export features.npz --db my.db");
   exporting
       ->add_option("FILE", options->out,
-                   "the file to write: features as .npz (NumPy), or records as .ndjson; - = "
-                   "records to standard output")
+                   "the file to write: features as .npz (NumPy), records as .ndjson, or names and "
+                   "labels as .csv; - = records to standard output")
       ->required();
   AddCollectionFlag(*exporting, options->collection);
   exporting->add_option("--object", options->object, "only images of this object")

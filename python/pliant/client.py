@@ -20,7 +20,7 @@ from pliant.errors import ConnectionFailedError, Error, InvalidArgumentError, Un
 ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, Any]
 Json = dict[str, Any]
 
-_ARCHIVES = {".tar": "application/x-tar", ".ndjson": "application/x-ndjson", ".jsonl": "application/x-ndjson"}
+_ARCHIVES = {".tar": "application/x-tar", ".csv": "text/csv", ".ndjson": "application/x-ndjson", ".jsonl": "application/x-ndjson"}
 _LONGEST_S = 30.0   # wait of one request for the end of a job
 _HEARD_S = 1.0      # the same with a `progress` callback
 
@@ -130,9 +130,11 @@ class Client:
 
     def save_records(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
                      q: str | None = None) -> None:
-        """Writes the records of the collection, or of the images that pass, to a file, a line of JSON each: one
-        consistent snapshot, by ids. The file appears when it is complete."""
-        parameters = _given(object=object, filter=filter, q=q)
+        """Writes the records of the collection, or of the images that pass, to a file: a line of JSON each, or for a
+        name in .csv, a table with id, object, file and labels, which `import_archive` accepts. One consistent snapshot,
+        by ids. The file appears when it is complete."""
+        form = "csv" if os.fsdecode(os.fspath(path)).lower().endswith(".csv") else None
+        parameters = _given(object=object, filter=filter, q=q, format=form)
         _transport.download(self._transport, f"{self._base}/export", parameters, path)
 
     def save_features(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
@@ -189,7 +191,8 @@ class Client:
                        metadata: Json | None = None, wait: bool = True, timeout: float | None = None,
                        progress: Callable[[Json], object] | None = None) -> Json:
         """Adds the images of a file: a TAR archive (.tar), whose folders name the objects (object_from: "auto",
-        "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). The client reads the file while it sends it, so
+        "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). A table (.csv) from `save_records` changes the
+        names and labels of stored images. The client reads the file while it sends it, so
         the file can be larger than the memory. object and metadata: for all images without their own.
         Returns the job, like `train`. `job_items` has the result of each image. A refused image does not stop the job."""
         name = os.fsdecode(os.fspath(path))

@@ -11,6 +11,7 @@
 #include "descriptor/base/strings.h"
 #include "index/files/image_files.h"
 #include "index/files/text.h"
+#include "index/json/record_csv.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/parameters.h"
@@ -143,7 +144,9 @@ std::optional<std::string> TextIn(Json& item, const char* name) {
 BulkItems::BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults)
     : defaults_(std::move(defaults)),
       is_tar_(type == kTarType),
-      items_(is_tar_ ? ReadTar(body) : ReadLines(body)) {
+      items_(is_tar_            ? ReadTar(body)
+             : type == kCsvType ? ReadTable(body)
+                                : ReadLines(body)) {
   if (size() == 0) {
     throw ProblemError("missing_parameter", "The body has no images.", {.parameter = "body"});
   }
@@ -172,6 +175,34 @@ std::vector<BulkItems::Raw> BulkItems::ReadLines(std::string_view body) {
     }
   }
   return lines;
+}
+
+std::vector<BulkItems::Raw> BulkItems::ReadTable(std::string_view body) {
+  const auto read = CsvRows(body);
+  if (!read) ThrowInvalid("body", "The table has a quote that is not closed.");
+  const std::vector<std::string_view>& rows = *read;
+  if (rows.empty()) return {};
+  if (rows.size() > kMostBulkItems + 1) {
+    ThrowInvalid("body", "The table has more than " + std::to_string(kMostBulkItems) +
+                             " rows. Send it in parts.");
+  }
+  separator_ = SeparatorOf(rows[0]);
+  for (const std::string& name : CsvFields(rows[0], separator_)) {
+    columns_.push_back(Lower(Trimmed(name)));
+    const bool is_known = columns_.back() == "id" || columns_.back() == "object" ||
+                          columns_.back() == "file" || columns_.back() == "labels";
+    if (is_known && std::ranges::count(columns_, columns_.back()) == 1) continue;
+    ThrowInvalid("body", "Unknown or repeated column \"" + Shown(name) +
+                             "\". A table has the columns id, object, file and labels.");
+  }
+  if (std::ranges::find(columns_, "id") == columns_.end()) {
+    ThrowInvalid("body", "The table has no column id. Its first row must name the columns.");
+  }
+  std::vector<Raw> items;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    items.push_back({"row " + std::to_string(i + 1), rows[i]});
+  }
+  return items;
 }
 
 std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
@@ -243,6 +274,7 @@ BulkItem BulkItems::Item(std::size_t i) const {
     throw ProblemError("body_too_large",
                        "An item can have at most " + FormatBytes(defaults_.max_item_bytes) + ".");
   }
+  if (!columns_.empty()) return OfRow(item.content);
   return is_tar_ ? OfFile(item) : OfLine(item.content);
 }
 
@@ -278,6 +310,27 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
   if (const auto metadata = json.find("metadata"); metadata != json.end()) {
     if (!metadata->is_object()) ThrowInvalid("metadata", "metadata must be a JSON object.");
     item.request.metadata = ToText(*metadata);
+  }
+  return item;
+}
+
+BulkItem BulkItems::OfRow(std::string_view row) const {
+  const std::vector<std::string> fields = CsvFields(row, separator_);
+  if (fields.size() != columns_.size()) {
+    ThrowInvalid("row", "The row has " + std::to_string(fields.size()) + " fields instead of " +
+                            std::to_string(columns_.size()) + ".");
+  }
+  BulkItem item;
+  item.change.emplace();
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (columns_[i] == "id") item.request.id = fields[i];
+    if (columns_[i] == "object") item.change->object = fields[i];
+    if (columns_[i] == "file") item.change->source = fields[i];
+    if (columns_[i] != "labels" || Trimmed(fields[i]).empty()) continue;
+    if (!ParseJson(fields[i], "labels").is_object()) {
+      ThrowInvalid("labels", "labels must be a JSON object, such as {\"shop\": \"east\"}.");
+    }
+    item.change->metadata = fields[i];
   }
   return item;
 }

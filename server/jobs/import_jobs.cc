@@ -164,6 +164,15 @@ struct BulkImport {
     Outcome outcome{{{"index", i}, {"source", name}}, std::nullopt};
     try {
       BulkItem item = items.Item(i);
+      if (item.change) {
+        const ImageRecord image =
+            services.engine.Change(job.collection, *item.request.id, *item.change);
+        outcome.json.update({{"status", 200},
+                             {"outcome", "changed"},
+                             {"image_id", image.id},
+                             {"object", image.object}});
+        return outcome;
+      }
       if (item.url) Fetch(item);
       const AddResult added = AddAndTell(services, job, item.request, context.stop);
       outcome.json["status"] = added.outcome == AddOutcome::kCreated ? 201 : 200;

@@ -170,7 +170,7 @@ constexpr const char* kSchemas = R"json({
   "JobItems": {
     "items[]": {"index": "integer: from 0, in the order of the body",
       "source": "string: the file name, or the line's number",
-      "status": "integer: an HTTP status", "outcome?": "'created'|'replaced'|'unchanged'",
+      "status": "integer: an HTTP status", "outcome?": "'created'|'replaced'|'unchanged'|'changed'",
       "image_id?": "string", "object?": "string", "problem?": "ProblemSummary"},
     "next": "string|null: cursor of the next page"}
 })json";

@@ -84,7 +84,7 @@ TEST_F(CliTest, ExportsFeaturesAndRecords) {
     more.insert(more.begin(), {"db", "export", (folder_ / name).string(), "--db", db_, "--json"});
     return RunProgram(more);
   };
-  for (const std::string name : {"x.npz", "x.ndjson"}) {
+  for (const std::string name : {"x.npz", "x.ndjson", "x.csv"}) {
     const ProgramResult result = run(name);
     ASSERT_EQ(result.status, 0) << result.err;
     EXPECT_EQ(result.json()["images"], 4);
@@ -95,6 +95,7 @@ TEST_F(CliTest, ExportsFeaturesAndRecords) {
     return std::string(bytes.begin(), bytes.begin() + 4);
   };
   EXPECT_EQ(start("x.npz"), "PK\x03\x04");
+  EXPECT_EQ(start("x.csv"), "id,o");
   const std::vector<std::uint8_t> lines = ReadBytes(folder_ / "x.ndjson");
   EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 4);
   EXPECT_EQ(Json::parse(lines.begin(), std::find(lines.begin(), lines.end(), '\n'))["collection"],

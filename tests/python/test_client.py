@@ -116,6 +116,12 @@ class Served(FolderCase):
         client.save_records(self.folder / "east.ndjson", filter={"shop": "east"})
         lines = (self.folder / "east.ndjson").read_text().splitlines()
         self.assertEqual([json.loads(line)["id"] for line in lines], ["p1", "p2"])
+        table = self.folder / "names.csv"
+        client.save_records(table)
+        table.write_text(table.read_text().replace("p0,mug", "p0,red mug"))
+        self.assertEqual(client.import_archive(table)["failed"], 0)
+        self.assertEqual([client.get(f"p{seed}")["object"] for seed in range(3)], ["red mug", "mug", "mug"])
+        client.update("p0", object="mug")
         self.assertEqual(client.preview(pattern(0))[:2], b"\xff\xd8")
         client.train(words=40, activate=False)
         client.use(client.vocabularies()[-1]["id"])
