@@ -4,7 +4,7 @@
 # collect-runtime.sh ROOT: completes ROOT, into which Pliant was installed (ROOT/usr/bin/...), to a
 # root file system that runs it: the shared libraries of its programs with their copyright notices, the
 # loader, a font for names in drawings, the certificates that https is checked with, busybox (health
-# checks, a shell for looking around), a user, /data and /tmp.
+# checks, a shell for looking around), a user, /data, /backups and /tmp.
 set -euo pipefail
 root=${1:?usage: collect-runtime.sh ROOT}
 
@@ -14,10 +14,10 @@ certificates=/etc/ssl/certs/ca-certificates.crt
   DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends busybox-static ca-certificates
 }
 
-mkdir -p "$root"/usr/{bin,lib,lib64} "$root"/{etc,data,tmp,proc,dev}
+mkdir -p "$root"/usr/{bin,lib,lib64} "$root"/{etc,data,backups,tmp,proc,dev}
 for name in bin lib lib64; do ln -sfn "usr/$name" "$root/$name"; done
 chmod 1777 "$root/tmp"
-chown 10001:10001 "$root/data"
+chown 10001:10001 "$root/data" "$root/backups"
 printf 'root:x:0:0:root:/:/bin/sh\npliant:x:10001:10001:Pliant:/data:/bin/sh\n' >"$root/etc/passwd"
 printf 'root:x:0:\npliant:x:10001:\n' >"$root/etc/group"
 cp -L "$(command -v busybox)" "$root/usr/bin/busybox"

@@ -25,6 +25,7 @@
 #include "index/engine/copy_database.h"
 #include "index/engine/engine.h"
 #include "index/files/text.h"
+#include "index/json/record_csv.h"
 #include "index/json/record_json.h"
 #include "index/store/open_store.h"
 
@@ -39,7 +40,8 @@ struct Options {
   std::string place;
   CopyOptions copy;             // `from` is the database
   std::uint64_t compare = 100;  // rankings, after the copy
-  // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each.
+  // .npz (engine/collection_npz.h): features, by ids; .ndjson: the records, a line of JSON each;
+  // .csv: names and labels.
   std::filesystem::path out;
   std::optional<std::string> object;  // only its images are exported
   std::string filter;                 // only images whose metadata match
@@ -79,12 +81,13 @@ Json OriginalsJson(const std::optional<OriginalsRecord>& originals) {
           {"owned", originals->owned}};
 }
 
-Json CollectionsJson(Engine& engine) {
-  Json list = Json::array();
+// `only`: the name of one; empty = all.
+std::vector<CollectionRecord> Collections(Engine& engine, const std::string& only) {
+  if (!only.empty()) return {engine.GetCollection(only)};
+  std::vector<CollectionRecord> list;
   for (const std::string& name : engine.ListCollections()) {
     try {
-      list.push_back(
-          {{"name", ToDisplayText(name)}, {"images", engine.GetCollection(name).images}});
+      list.push_back(engine.GetCollection(name));
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kNotFound) throw;  // removed meanwhile
     }
@@ -92,61 +95,45 @@ Json CollectionsJson(Engine& engine) {
   return list;
 }
 
+// Of a collection, or of all.
+std::string CountsOf(const auto& c) {
+  return fmt::format("{} images, {} objects, {} descriptors", c.images, c.objects, c.descriptors);
+}
+
 void PrintStats(const EngineStats& stats, const std::optional<OriginalsRecord>& originals,
-                const Json& collections) {
-  Print("images       {}", stats.images);
-  Print("objects      {}", stats.objects);
-  Print("descriptors  {}", stats.descriptors);
+                const std::vector<CollectionRecord>& collections) {
   Print("on disk      {}", FormatBytes(stats.database_bytes));
   Print("in memory    {}", FormatBytes(stats.index_bytes));
   if (originals) {
     Print("originals    {} files in {}", originals->files, originals->directory.string());
   }
   Print("descriptor   {} ({})", stats.descriptor, stats.model_id);
-  const auto& vocabulary = stats.vocabulary;
-  Print("vocabulary   {}",
-        vocabulary ? fmt::format("{} of {} words", vocabulary->id, vocabulary->words) : "none yet");
-  std::string lead = "collections  ";
-  for (const Json& c : collections) {
-    Print("{}{}: {} {}", std::exchange(lead, std::string(lead.size(), ' ')),
-          c["name"].get<std::string>(), c["images"].get<std::uint64_t>(),
-          c["images"] == 1 ? "image" : "images");
+  for (const CollectionRecord& c : collections) {
+    Print("collection   {}: {}, {}", ToDisplayText(c.name), CountsOf(c),
+          c.vocabulary
+              ? fmt::format("vocabulary {} of {} words", c.vocabulary->id, c.vocabulary->words)
+              : "no vocabulary yet");
+  }
+  if (collections.size() > 1) {
+    Print("together     {}", CountsOf(stats));
   }
 }
 
 ExitStatus Stats(Options& options) {
   Engine engine = Open(options.engine, Access::kRead, true);
-  EngineStats stats = engine.Stats();
+  const EngineStats stats = engine.Stats();
   const auto originals = engine.DescribeOriginals();
-  Json collections = Json::array();
-  if (options.only_collection.empty()) {
-    collections = CollectionsJson(engine);
-  } else {  // sizes, descriptor and model are still those of the database
-    const CollectionRecord collection = engine.GetCollection(options.only_collection);
-    stats.images = collection.images;
-    stats.objects = collection.objects;
-    stats.descriptors = collection.descriptors;
-    stats.vocabulary = collection.vocabulary;
-  }
+  const auto collections = Collections(engine, options.only_collection);
   if (!options.json) {
     PrintStats(stats, originals, collections);
     return ExitStatus::kDone;
   }
-  Json json = {
-      {"images", stats.images},
-      {"objects", stats.objects},
-      {"descriptors", stats.descriptors},
-      {"database_bytes", stats.database_bytes},
-      {"index_bytes", stats.index_bytes},
-      {"descriptor", stats.descriptor},
-      {"model_id", stats.model_id},
-      {"originals", OriginalsJson(originals)},
-      {"vocabulary", stats.vocabulary ? VocabularyDocument(*stats.vocabulary) : Json(nullptr)}};
-  if (options.only_collection.empty()) {
-    json["collections"] = std::move(collections);
-  } else {
-    json["collection"] = ToDisplayText(options.only_collection);
-  }
+  Json json = {{"images", stats.images},           {"objects", stats.objects},
+               {"descriptors", stats.descriptors}, {"database_bytes", stats.database_bytes},
+               {"index_bytes", stats.index_bytes}, {"descriptor", stats.descriptor},
+               {"model_id", stats.model_id},       {"originals", OriginalsJson(originals)},
+               {"collections", Json::array()}};
+  for (const CollectionRecord& c : collections) json["collections"].push_back(CollectionJson(c));
   PrintJson(json);
   return ExitStatus::kDone;
 }
@@ -299,11 +286,18 @@ std::int64_t ExportRecords(Engine& engine, ImageListing list, const std::filesys
   list.limit = kRecordsAtOnce;
   std::optional<NewFile> file;
   if (out != kStandardOutput) file.emplace(out);
+  const bool csv = out.extension() == ".csv";
   std::uint64_t written = 0;
   std::int64_t images = 0;
+  if (csv) {
+    file->Write(0, kCsvHeader);
+    written = std::string_view(kCsvHeader).size();
+  }
   engine.ForEachPage(list, [&](const ImagePage& page) {
     std::string lines;
-    for (const ImageRecord& record : page.records) lines += ToText(ImageJson(record)) + '\n';
+    for (const ImageRecord& record : page.records) {
+      lines += csv ? CsvRow(record) : ToText(ImageJson(record)) + '\n';
+    }
     file ? file->Write(written, lines) : WriteFile(out, lines);
     written += lines.size();
     images += static_cast<std::int64_t>(page.records.size());
@@ -317,11 +311,13 @@ ExitStatus Export(Options& options) {
   const bool to_output = options.out == kStandardOutput;
   const bool npz = options.out.extension() == ".npz";
   const std::string file = PathText(options.out);
-  if (!to_output && !npz && options.out.extension() != ".ndjson") {
-    throw Error(ErrorCode::kInvalidArgument, "bad_export_name",
-                file +
-                    ": unknown type of export; end the name in .npz (features, NumPy) or .ndjson "
-                    "(records), or give - for records on standard output");
+  if (!to_output && !npz && options.out.extension() != ".ndjson" &&
+      options.out.extension() != ".csv") {
+    throw Error(
+        ErrorCode::kInvalidArgument, "bad_export_name",
+        file +
+            ": unknown type of export; end the name in .npz (features, NumPy), .ndjson "
+            "(records) or .csv (names and labels), or give - for records on standard output");
   }
   CheckWritable(options.out);
   Engine engine = Open(options.engine, Access::kRead);
@@ -444,8 +440,8 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
           "export features.npz --db my.db");
   exporting
       ->add_option("FILE", options->out,
-                   "the file to write: features as .npz (NumPy), or records as .ndjson; - = "
-                   "records to standard output")
+                   "the file to write: features as .npz (NumPy), records as .ndjson, or names and "
+                   "labels as .csv; - = records to standard output")
       ->required();
   AddCollectionFlag(*exporting, options->collection);
   exporting->add_option("--object", options->object, "only images of this object")

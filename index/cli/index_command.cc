@@ -67,6 +67,12 @@ void TrainIfDue(Engine& engine, const Options& options, const Interrupt& interru
   outcome.trained = true;
 }
 
+std::string LeftOut(std::uint64_t files) {
+  return files == 0 ? ""
+                    : fmt::format(", {} {} of system folders left out", files,
+                                  files == 1 ? "file" : "files");
+}
+
 void PrintText(const Outcome& outcome, const ImageFiles& files) {
   const FolderImportResult& job = outcome.job;
   ReportSkipped(job.skipped);
@@ -75,8 +81,9 @@ void PrintText(const Outcome& outcome, const ImageFiles& files) {
         "a stored image keeps its object: remove the image first (pliant db rm --object NAME), or "
         "rename the object on the web page");
   }
-  Print("indexed {}, unchanged {}, skipped {} images in {:.1f} s ({})", job.indexed, job.unchanged,
-        job.skipped.size(), outcome.seconds, NamedBy(files));
+  Print("indexed {}, unchanged {}, skipped {} images{} in {:.1f} s ({})", job.indexed,
+        job.unchanged, job.skipped.size(), LeftOut(job.system_files), outcome.seconds,
+        NamedBy(files));
   if (outcome.vocabulary) {
     Print("{} vocabulary {} of {} words", outcome.trained ? "trained" : "using",
           outcome.vocabulary->id, outcome.vocabulary->words);
@@ -92,6 +99,7 @@ Json ToJson(const Outcome& outcome) {
   return {{"indexed", outcome.job.indexed},
           {"unchanged", outcome.job.unchanged},
           {"skipped", SkippedJson(outcome.job.skipped)},
+          {"system_files", outcome.job.system_files},
           {"vocabulary", std::move(vocabulary)},
           {"seconds", outcome.seconds},
           {"interrupted", outcome.job.interrupted}};

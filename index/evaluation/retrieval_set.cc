@@ -59,8 +59,10 @@ class Reader {
                   DisplayPath() + " is not a readable directory");
     }
     for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
-      if (entry.path().filename().native().starts_with('.')) continue;
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with('.')) continue;
       if (entry.is_directory()) {
+        if (IsSystemFolder(name)) continue;
         folders_.push_back(entry.path());
       } else if (LooksLikeImage(entry.path())) {
         files_.push_back(entry.path());

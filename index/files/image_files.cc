@@ -30,6 +30,18 @@ constexpr std::array<std::string_view, 19> kImageExtensions = {
     ".jpg", ".jpeg", ".jpe",  ".jfif", ".png", ".webp", ".bmp", ".dib", ".tif", ".tiff",
     ".gif", ".heic", ".heif", ".avif", ".jp2", ".jxl",  ".pgm", ".ppm", ".pnm"};
 
+// Of Synology, QNAP, NetApp, Windows, macOS and disk checks. server/web/incoming.js has the same.
+constexpr std::array<std::string_view, 10> kSystemFolders = {"@eadir",
+                                                             "#recycle",
+                                                             "#snapshot",
+                                                             "@recycle",
+                                                             "@recently-snapshot",
+                                                             "~snapshot",
+                                                             "$recycle.bin",
+                                                             "system volume information",
+                                                             "__macosx",
+                                                             "lost+found"};
+
 bool HasImageName(const fs::path& path) {
   const std::string extension = Lower(path.extension().string());
   return std::find(kImageExtensions.begin(), kImageExtensions.end(), extension) !=
@@ -47,15 +59,18 @@ bool HasImageContent(const fs::path& path) {
 
 class Walk {
  public:
-  void Visit(const fs::path& path, int depth, const fs::path& below = {}) {
+  void Visit(const fs::path& path, int depth, const fs::path& below = {}, bool is_link = false) {
     std::error_code error;
     const fs::file_status status = fs::status(path, error);
     if (fs::is_directory(status)) {
-      VisitFolder(path, depth, depth == 0 ? below : below / path.filename());
-    } else if (fs::is_regular_file(status)) {
-      if (depth == 0 || LooksLikeImage(path)) {
-        found_.push_back({path, depth, below});
+      if (depth > 0 && IsSystemFolder(path.filename().native())) {
+        CountFiles(path);
+      } else {
+        VisitFolder(path, depth, depth == 0 ? below : below / path.filename());
       }
+    } else if (fs::is_regular_file(status)) {
+      if (depth > 0 && !LooksLikeImage(path)) return;
+      if (IsNew(path) || !is_link) found_.push_back({path, depth, below});
     } else if (depth == 0) {
       throw Error(ErrorCode::kNotFound, "input_not_found",
                   path.string() + " is neither a folder nor a file" +
@@ -66,6 +81,16 @@ class Walk {
     }
   }
 
+  void FollowLinks() {
+    for (const bool folders : {true, false}) {
+      for (std::size_t i = 0; i < links_.size(); ++i) {  // a linked folder can have more links
+        const auto [path, depth, below] = links_[i];
+        std::error_code error;
+        if (fs::is_directory(path, error) == folders) Visit(path, depth, below, true);
+      }
+    }
+  }
+
   struct Found {
     fs::path path;
     int depth;       // 0 = named itself, 1 = directly in a named folder
@@ -73,12 +98,26 @@ class Walk {
   };
   std::vector<Found> found_;
   std::vector<SkippedFile> skipped_;
+  std::uint64_t system_files_ = 0;
 
  private:
-  void VisitFolder(const fs::path& folder, int depth, const fs::path& below) {
+  bool IsNew(const fs::path& path) {
     struct stat info = {};
-    if (::stat(folder.c_str(), &info) != 0 || !visited_.emplace(info.st_dev, info.st_ino).second)
-      return;
+    return ::stat(path.c_str(), &info) == 0 && visited_.emplace(info.st_dev, info.st_ino).second;
+  }
+
+  void CountFiles(const fs::path& folder) {
+    std::error_code error;
+    fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied,
+                                        error);
+    for (; !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
+      std::error_code unknown;
+      if (it->is_regular_file(unknown) && !it->is_symlink(unknown)) ++system_files_;
+    }
+  }
+
+  void VisitFolder(const fs::path& folder, int depth, const fs::path& below) {
+    if (!IsNew(folder)) return;
     std::vector<fs::path> entries;
     std::error_code error;
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
@@ -88,10 +127,17 @@ class Walk {
     if (error) skipped_.push_back({ToDisplayText(folder.string()), "cannot_read", error.message()});
     std::sort(entries.begin(), entries.end(),
               [](const fs::path& a, const fs::path& b) { return a.native() < b.native(); });
-    for (const fs::path& entry : entries) Visit(entry, depth + 1, below);
+    for (const fs::path& entry : entries) {
+      if (fs::is_symlink(entry, error)) {
+        links_.push_back({entry, depth + 1, below});
+      } else {
+        Visit(entry, depth + 1, below);
+      }
+    }
   }
 
   std::set<std::pair<dev_t, ino_t>> visited_;
+  std::vector<Found> links_;  // for FollowLinks()
 };
 
 std::string FolderName(const fs::path& path) {
@@ -113,12 +159,18 @@ std::string ObjectOf(const Walk::Found& found, ObjectFrom object_from) {
 
 }  // namespace
 
+bool IsSystemFolder(std::string_view name) {
+  return std::ranges::find(kSystemFolders, Lower(name)) != kSystemFolders.end();
+}
+
 bool LooksLikeImage(const fs::path& path) { return HasImageName(path) || HasImageContent(path); }
 
 ImageFiles FindImages(const std::vector<fs::path>& inputs, ObjectFrom object_from) {
   Walk walk;
   for (const fs::path& input : inputs) walk.Visit(input, 0);
+  walk.FollowLinks();
   ImageFiles files;
+  files.system_files = walk.system_files_;
   files.skipped = std::move(walk.skipped_);
   const int outside = inputs.size() == 1 ? 1 : 0;  // the depth down to which images have no folder
   std::set<fs::path> seen;                         // a folder and a file in it may both be named

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "descriptor/base/error.h"
@@ -38,15 +39,22 @@ struct SkippedFile {
 struct ImageFiles {
   std::vector<ImageFile> images;
   std::vector<SkippedFile> skipped;  // folders that cannot be read
+  std::uint64_t system_files = 0;    // left out: in folders that IsSystemFolder() names
   bool by_folder = false;            // some objects are named by their folder
   bool by_stem = false;
 };
 
 // Walks `inputs` (folders or files) in the order of their names, so that the result is the same on
-// every machine. Links to folders are followed; each folder is read once. Ignores hidden files and
-// folders, and files with neither the name nor the content of an image. Throws kNotFound for an
-// input that does not exist, kUnavailable "too_many_open_files".
+// every machine. Links are followed last, and only to files and folders that the walk has not
+// reached, so that a link names an object only if nothing else does; each folder is read once.
+// Ignores hidden files and folders, and files with neither the name nor the content of an image,
+// and counts the files of system folders. Throws kNotFound for an input that does not exist,
+// kUnavailable "too_many_open_files".
 ImageFiles FindImages(const std::vector<std::filesystem::path>& inputs, ObjectFrom object_from);
+
+// Whether a folder of this name belongs to an operating system, a NAS or an archiver: its trash,
+// thumbnails or snapshots. In any case of ASCII letters; hidden folders are not among them.
+bool IsSystemFolder(std::string_view name);
 
 // Whether `path` is `directory` or below it. Both as fs::canonical gives them.
 bool IsInside(const std::filesystem::path& directory, const std::filesystem::path& path);

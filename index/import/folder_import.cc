@@ -20,6 +20,7 @@ class FolderImport {
  public:
   FolderImport(Engine& engine, const ImageFiles& files, const FolderImportOptions& options)
       : engine_(engine), files_(files.images), options_(options) {
+    result_.system_files = files.system_files;
     for (const SkippedFile& file : files.skipped) Skip({NameOf(file.file), file.code, file.reason});
     from_search_ = static_cast<std::ptrdiff_t>(result_.skipped.size());
   }

@@ -35,6 +35,7 @@ struct FolderImportOptions {
 struct FolderImportResult {
   std::uint64_t indexed = 0;
   std::uint64_t unchanged = 0;
+  std::uint64_t system_files = 0;    // left out; see ImageFiles
   std::vector<SkippedFile> skipped;  // of the search for images, then by file name
   bool interrupted = false;          // stopped before the last one
 };

@@ -150,7 +150,8 @@ std::string AddFolders(const OpenIndex& index, const std::vector<std::string>& f
     skipped.push_back({{"file", file.file}, {"code", file.code}, {"reason", file.reason}});
   return ToText({{"indexed", result.indexed},
                  {"unchanged", result.unchanged},
-                 {"skipped", std::move(skipped)}});
+                 {"skipped", std::move(skipped)},
+                 {"system_files", result.system_files}});
 }
 
 // A page of images after an id, in order of ids, as the JSON text of a list.

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from pliant.simulation import SimulationReport, simulate
     from pliant.tracking import TrackedFrame, Tracker, track
 
+__version__ = "0.1.0"
+
 _MODULES = ("features", "index", "matching", "records", "simulation", "tracking")
 
 __all__ = ["CancelledError", "Client", "ConflictError", "ConnectionFailedError", "CorruptError", "Error", "Extractor",

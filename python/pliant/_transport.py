@@ -60,7 +60,7 @@ class Transport:
         self._prefix = parts.path.rstrip("/")
         self._tls = (context or ssl.create_default_context()) if parts.scheme == "https" else None
         self._headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._timeout, self._retries, self._max_wait = timeout, retries, max_wait
+        self._timeout, self._retries, self.max_wait = timeout, retries, max_wait
         self.address = f"{parts.scheme}://{parts.netloc}{self._prefix}"
 
     def call(self, method: str, path: str, *, parameters: dict[str, Any] | None = None,
@@ -100,9 +100,9 @@ class Transport:
                 refused = _refusal(answer)
                 wait = refused.retry_after
                 busy = answer.status in _BUSY or refused.code == "idempotency_running"
-                if not busy or failed >= retries or (wait or 0) > self._max_wait:
+                if not busy or failed >= retries or (wait or 0) > self.max_wait:
                     raise refused
-            time.sleep(wait if wait is not None else min(self._max_wait, 0.25 * 2**failed * (0.5 + random.random())))
+            time.sleep(wait if wait is not None else min(self.max_wait, 0.25 * 2**failed * (0.5 + random.random())))
             failed += 1
 
     def _once(self, method: str, target: str, body: bytes | BinaryIO | None, headers: dict[str, str],

@@ -14,13 +14,13 @@ from typing import Any, Callable, Iterator, Mapping, Sequence, Union
 
 from pliant import _transport
 from pliant._transport import Transport, segment
-from pliant.errors import Error, InvalidArgumentError, UnavailableError
+from pliant.errors import ConnectionFailedError, Error, InvalidArgumentError, UnavailableError
 
 #: A path, the bytes of a file, or an array of uint8, H x W or H x W x 3.
 ImageLike = Union[str, "os.PathLike[str]", bytes, bytearray, memoryview, Any]
 Json = dict[str, Any]
 
-_ARCHIVES = {".tar": "application/x-tar", ".ndjson": "application/x-ndjson", ".jsonl": "application/x-ndjson"}
+_ARCHIVES = {".tar": "application/x-tar", ".csv": "text/csv", ".ndjson": "application/x-ndjson", ".jsonl": "application/x-ndjson"}
 _LONGEST_S = 30.0   # wait of one request for the end of a job
 _HEARD_S = 1.0      # the same with a `progress` callback
 
@@ -58,8 +58,8 @@ class Client:
         other._use(name)
         return other
 
-    def collections(self) -> list[str]:
-        """The names of all collections."""
+    def collections(self) -> list[Json]:
+        """All collections by name, each as `info` returns it."""
         return list(self._ask("GET", "/v1/collections")["collections"])
 
     def create(self) -> Json:
@@ -128,6 +128,15 @@ class Client:
         """Keypoints, and descriptors as base64."""
         return self._ask("GET", self._image(id) + "/features")
 
+    def save_records(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
+                     q: str | None = None) -> None:
+        """Writes the records of the collection, or of the images that pass, to a file: a line of JSON each, or for a
+        name in .csv, a table with id, object, file and labels, which `import_archive` accepts. One consistent snapshot,
+        by ids. The file appears when it is complete."""
+        form = "csv" if os.fsdecode(os.fspath(path)).lower().endswith(".csv") else None
+        parameters = _given(object=object, filter=filter, q=q, format=form)
+        _transport.download(self._transport, f"{self._base}/export", parameters, path)
+
     def save_features(self, path: str | os.PathLike[str], object: str | None = None, *, filter: Json | None = None,
                       q: str | None = None) -> None:
         """Writes the features of the collection, or of the images that pass, to an .npz file for
@@ -149,9 +158,10 @@ class Client:
         merge=True, both objects become one."""
         return self._patch(self._object(object), {"object": name}, parameters={"merge": "true"} if merge else None)
 
-    def delete_where(self, filter: Json, object: str | None = None) -> int:
-        """Deletes all images (of an object) whose metadata pass, all or none, and returns their number."""
-        return int(self._ask("DELETE", f"{self._base}/images", parameters=_given(object=object, filter=filter))["deleted"])
+    def delete_where(self, filter: Json, object: str | None = None, *, q: str | None = None) -> int:
+        """Deletes all images that pass, as `images` lists them, all or none, and returns their number."""
+        return int(self._ask("DELETE", f"{self._base}/images",
+                             parameters=_given(object=object, filter=filter, q=q))["deleted"])
 
     def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
                q: str | None = None, sort: str | None = None) -> Iterator[Json]:
@@ -165,11 +175,24 @@ class Client:
         """All objects with their numbers of images. sort: object, created, updated or images."""
         return self._pages(f"{self._base}/objects", "objects", page, _given(filter=filter, q=q, sort=sort))
 
+    def object_info(self, object: str) -> Json:
+        """An object's number of images, and the id of one of them. NotFoundError "object_not_found"."""
+        return self._ask("GET", self._object(object))
+
+    def facets(self, *keys: str, object: str | None = None, filter: Json | None = None, q: str | None = None,
+               of: str = "images") -> Json:
+        """`{"total": ..., "facets": {key: {"values": [{"value", "count"}], "without", "complete"}}}`: the number of
+        images (or of="objects") that pass, and the most frequent values of up to 16 metadata keys."""
+        answer = self._ask("GET", f"{self._base}/{segment('of', of)}", parameters=_given(
+            object=object, filter=filter, q=q, count=True, limit=1, facets=keys or None))
+        return {"total": answer["total"], "facets": answer.get("facets", {})}
+
     def import_archive(self, path: str | os.PathLike[str], *, object_from: str | None = None, object: str | None = None,
                        metadata: Json | None = None, wait: bool = True, timeout: float | None = None,
                        progress: Callable[[Json], object] | None = None) -> Json:
         """Adds the images of a file: a TAR archive (.tar), whose folders name the objects (object_from: "auto",
-        "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). The client reads the file while it sends it, so
+        "folder", "stem" or "none"), or lines of JSON (.ndjson, .jsonl). A table (.csv) from `save_records` changes the
+        names and labels of stored images. The client reads the file while it sends it, so
         the file can be larger than the memory. object and metadata: for all images without their own.
         Returns the job, like `train`. `job_items` has the result of each image. A refused image does not stop the job."""
         name = os.fsdecode(os.fspath(path))
@@ -182,9 +205,21 @@ class Client:
                             parameters=_given(object_from=object_from, object=object, metadata=metadata or None))
         return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
 
+    def import_folder(self, folder: str = ".", *, object_from: str | None = None, wait: bool = True,
+                      timeout: float | None = None, progress: Callable[[Json], object] | None = None) -> Json:
+        """Adds the images of a folder on the server's disk, below its --import-dir. Returns the job, like `train`."""
+        job = self._ask("POST", f"{self._base}/imports", **_json_body(
+            {"folder": folder, **_given(object_from=object_from)}))
+        return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
+
+    def preview(self, image: ImageLike | None = None, *, image_url: str | None = None, channels: str = "RGB") -> bytes:
+        """A JPEG of an image, 320 pixels on the longer side. The server stores nothing."""
+        return self._transport.call("POST", "/v1/preview", again=True,
+                                    **_image_body("preview", image, image_url, channels)).body
+
     # Searches
 
-    def search(self, image: ImageLike | None = None, top: int = 10, *, image_id: str | None = None,
+    def search(self, image: ImageLike | None = None, limit: int = 10, *, image_id: str | None = None,
                image_ids: Sequence[str] | None = None, image_url: str | None = None, filter: Json | None = None,
                channels: str = "RGB", **options: Any) -> Json:
         """Searches, and returns `{"hits": [...], "found": ..., ...}`. The query is an image, an address from which the
@@ -202,7 +237,7 @@ class Client:
             query = _json_body({"image_ids": list(image_ids)})
         else:
             query = _image_body("search", image, image_url, channels)
-        return self._ask("POST", f"{self._base}/search", parameters=_given(**options, limit=top, filter=filter), again=True,
+        return self._ask("POST", f"{self._base}/search", parameters=_given(**options, limit=limit, filter=filter), again=True,
                          **query)
 
     def search_batch(self, searches: Sequence[Mapping[str, Any]]) -> list[Json | Error]:
@@ -245,6 +280,13 @@ class Client:
         """All vocabularies of the collection."""
         return list(self._ask("GET", f"{self._base}/vocabularies")["vocabularies"])
 
+    def use(self, vocabulary: int, *, wait: bool = True, timeout: float | None = None,
+            progress: Callable[[Json], object] | None = None) -> None:
+        """Activates a vocabulary. With `wait=False`, a job on the server may continue this."""
+        answer = self._transport.call("PUT", f"{self._base}/vocabularies/{int(vocabulary)}/active")
+        if answer.status == 202 and wait:
+            self.wait(answer.document["id"], timeout=timeout, progress=progress)
+
     def jobs(self) -> list[Json]:
         """All jobs of the server, newest first."""
         return list(self._ask("GET", "/v1/jobs")["jobs"])
@@ -263,12 +305,18 @@ class Client:
 
     def wait(self, id: str, *, timeout: float | None = None, progress: Callable[[Json], object] | None = None) -> Json:
         """Waits for a job, calls `progress(job)` every second, and returns the job when it is done. Raises the job's
-        error, CancelledError, or UnavailableError "timeout" after `timeout` seconds (the job continues)."""
+        error, CancelledError, or UnavailableError "timeout" after `timeout` seconds (the job continues). A restart of
+        the server does not end this: the client asks again, until it got no answer for `max_wait` seconds."""
         end = None if timeout is None else time.monotonic() + timeout
-        pause, patience = 0.05, 0.0
+        pause, patience, heard = 0.05, 0.0, time.monotonic()
         while True:
             asked = time.monotonic()
-            job = self._ask("GET", self._job(id), parameters={"wait": f"{patience:.3f}"})
+            try:
+                job = self._ask("GET", self._job(id), parameters={"wait": f"{patience:.3f}"}, patient=False)
+            except (ConnectionFailedError, UnavailableError) as error:
+                heard = self._still_waits(error, heard, end)
+                continue
+            heard = time.monotonic()
             if progress is not None:
                 progress(job)
             if job["state"] == "done":
@@ -286,7 +334,53 @@ class Client:
             patience = _LONGEST_S if progress is None else _HEARD_S
             patience = patience if left is None else min(patience, left)
 
-    # The server
+    def _still_waits(self, error: Error, heard: float, end: float | None) -> float:
+        """After a failed question of `wait`: pauses before the next one, or raises the error. Returns when the server
+        was last heard."""
+        now = time.monotonic()
+        if error.code == "starting":
+            heard = now
+        wait = 0.5 if error.retry_after is None else error.retry_after
+        last = heard + self._transport.max_wait if end is None else min(end, heard + self._transport.max_wait)
+        if now + wait > last or isinstance(error.__cause__, ssl.SSLCertVerificationError):
+            raise error
+        time.sleep(wait)
+        return heard
+
+    # The server: keys and backups need the scope admin
+
+    def me(self) -> Json:
+        """What this client's key allows: `{"keys_required", "scopes", "key", "image_url"}`."""
+        return self._ask("GET", "/v1/me")
+
+    def keys(self) -> list[Json]:
+        """The records of all keys, oldest first."""
+        return list(self._ask("GET", "/v1/keys")["keys"])
+
+    def create_key(self, name: str, scope: str) -> Json:
+        """Creates a key with the scope read, write or admin. Returns its record and, only here, the `key`."""
+        return self._ask("POST", "/v1/keys", **_json_body({"name": name, "scope": scope}))
+
+    def revoke_key(self, id: str) -> None:
+        """Revokes a key. The server refuses later requests with it."""
+        self._ask("DELETE", f"/v1/keys/{segment('id', id)}")
+
+    def backups(self) -> list[Json]:
+        """The names, sizes and times of all backups in the server's --backup-dir, newest first."""
+        return list(self._ask("GET", "/v1/backups")["backups"])
+
+    def backup(self, name: str | None = None, *, wait: bool = True, timeout: float | None = None) -> Json:
+        """Copies the database into a backup (name: "monday.db"; default: made from the time). Returns the job."""
+        job = self._ask("POST", "/v1/backups", **_json_body(_given(name=name)))
+        return self.wait(job["id"], timeout=timeout) if wait else job
+
+    def save_backup(self, name: str, path: str | os.PathLike[str]) -> None:
+        """Downloads a backup to a file, which appears when it is complete. `pliant db restore` restores it."""
+        _transport.download(self._transport, self._backup(name) + "/content", {}, path)
+
+    def delete_backup(self, name: str) -> None:
+        """Deletes a backup."""
+        self._ask("DELETE", self._backup(name))
 
     def ready(self) -> bool:
         """Whether the server answers searches; False while it starts. ConnectionFailedError without a server."""
@@ -312,6 +406,9 @@ class Client:
 
     def _job(self, id: str) -> str:
         return f"/v1/jobs/{segment('id', id)}"
+
+    def _backup(self, name: str) -> str:
+        return f"/v1/backups/{segment('name', name)}"
 
     def _pages(self, path: str, field: str, page: int, parameters: Json) -> Iterator[Json]:
         while True:

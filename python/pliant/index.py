@@ -90,7 +90,8 @@ class Index:
                                                      _checks.text("object_from", object_from),
                                                      _checks.whole("threads", threads, 0, 1024), progress))
         return records.FolderReport(report["indexed"], report["unchanged"],
-                                    [(file["file"], file["code"], file["reason"]) for file in report["skipped"]])
+                                    [(file["file"], file["code"], file["reason"]) for file in report["skipped"]],
+                                    report["system_files"])
 
     def get(self, id: str) -> records.Image:
         """An image's record. NotFoundError if it does not exist."""

@@ -87,11 +87,13 @@ class SearchResult(list["Hit"]):
 
 @dataclasses.dataclass(frozen=True)
 class FolderReport:
-    """The result of `Index.add_folder`. skipped: (file, code, reason) of each refused image."""
+    """The result of `Index.add_folder`. skipped: (file, code, reason) of each refused image. system_files: files in
+    folders of systems (trash, thumbnails, snapshots), which are left out."""
 
     indexed: int
     unchanged: int
     skipped: list[tuple[str, str, str]]
+    system_files: int
 
 
 def _polygon(points: list[list[float]] | None) -> npt.NDArray[np.float64] | None:

@@ -11,6 +11,7 @@
 #include "descriptor/base/hex.h"
 #include "descriptor/base/strings.h"
 #include "index/files/text.h"
+#include "index/json/record_csv.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -60,7 +61,7 @@ std::vector<std::string> TypesOf(BodyKind body) {
     case BodyKind::kPair:
       return {"multipart/form-data", "application/json"};
     case BodyKind::kBulk:
-      return {kNdjsonType, kTarType};
+      return {kNdjsonType, kTarType, kCsvType};
     case BodyKind::kMergePatch:
       return {"application/merge-patch+json", "application/json"};
   }

@@ -9,7 +9,9 @@
 #include "descriptor/base/base64.h"
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/base/strings.h"
+#include "index/files/image_files.h"
 #include "index/files/text.h"
+#include "index/json/record_csv.h"
 #include "server/http/json.h"
 #include "server/http/message.h"
 #include "server/http/parameters.h"
@@ -110,6 +112,17 @@ std::pair<std::string, std::string> SplitName(const std::string& path) {
   return {path.substr(begin), std::move(folder)};
 }
 
+enum class Kind { kOrdinary, kHidden, kSystem };
+
+// By the first of the file's folders that is not an ordinary one, or by the file's own name.
+Kind KindOf(const std::string& folder, const std::string& own_name) {
+  for (const std::string& part : Split(folder, '/')) {
+    if (part.starts_with('.')) return Kind::kHidden;
+    if (IsSystemFolder(part)) return Kind::kSystem;
+  }
+  return own_name.starts_with('.') ? Kind::kHidden : Kind::kOrdinary;
+}
+
 std::string Above(const std::string& folder) {
   return folder.substr(0, folder.rfind('/') + 1);  // npos + 1 = 0
 }
@@ -131,7 +144,9 @@ std::optional<std::string> TextIn(Json& item, const char* name) {
 BulkItems::BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults)
     : defaults_(std::move(defaults)),
       is_tar_(type == kTarType),
-      items_(is_tar_ ? ReadTar(body) : ReadLines(body)) {
+      items_(is_tar_            ? ReadTar(body)
+             : type == kCsvType ? ReadTable(body)
+                                : ReadLines(body)) {
   if (size() == 0) {
     throw ProblemError("missing_parameter", "The body has no images.", {.parameter = "body"});
   }
@@ -160,6 +175,34 @@ std::vector<BulkItems::Raw> BulkItems::ReadLines(std::string_view body) {
     }
   }
   return lines;
+}
+
+std::vector<BulkItems::Raw> BulkItems::ReadTable(std::string_view body) {
+  const auto read = CsvRows(body);
+  if (!read) ThrowInvalid("body", "The table has a quote that is not closed.");
+  const std::vector<std::string_view>& rows = *read;
+  if (rows.empty()) return {};
+  if (rows.size() > kMostBulkItems + 1) {
+    ThrowInvalid("body", "The table has more than " + std::to_string(kMostBulkItems) +
+                             " rows. Send it in parts.");
+  }
+  separator_ = SeparatorOf(rows[0]);
+  for (const std::string& name : CsvFields(rows[0], separator_)) {
+    columns_.push_back(Lower(Trimmed(name)));
+    const bool is_known = columns_.back() == "id" || columns_.back() == "object" ||
+                          columns_.back() == "file" || columns_.back() == "labels";
+    if (is_known && std::ranges::count(columns_, columns_.back()) == 1) continue;
+    ThrowInvalid("body", "Unknown or repeated column \"" + Shown(name) +
+                             "\". A table has the columns id, object, file and labels.");
+  }
+  if (std::ranges::find(columns_, "id") == columns_.end()) {
+    ThrowInvalid("body", "The table has no column id. Its first row must name the columns.");
+  }
+  std::vector<Raw> items;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    items.push_back({"row " + std::to_string(i + 1), rows[i]});
+  }
+  return items;
 }
 
 std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
@@ -192,11 +235,11 @@ std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
       next.path = std::string(TextOf(content));
     } else if (type != 'g' && type != 'K') {
       const std::string name = next.path.value_or(NameIn(header));
-      const std::string own_name = SplitName(name).first;  // empty: a folder
-      // Systems write names with a dot beside the files themselves.
-      if ((type == '0' || type == '\0' || type == '7') && !own_name.empty() && own_name[0] != '.') {
-        files.push_back({name, content});
-      }
+      const auto [own_name, folder] = SplitName(name);
+      const bool is_file = (type == '0' || type == '\0' || type == '7') && !own_name.empty();
+      const Kind kind = KindOf(folder, own_name);
+      if (is_file && kind == Kind::kOrdinary) files.push_back({name, content});
+      if (is_file && kind == Kind::kSystem) ++system_files_;
       if (files.size() > kMostBulkItems) {
         ThrowInvalid("body", "The archive has more than " + std::to_string(kMostBulkItems) +
                                  " files. Send it in parts.");
@@ -231,6 +274,7 @@ BulkItem BulkItems::Item(std::size_t i) const {
     throw ProblemError("body_too_large",
                        "An item can have at most " + FormatBytes(defaults_.max_item_bytes) + ".");
   }
+  if (!columns_.empty()) return OfRow(item.content);
   return is_tar_ ? OfFile(item) : OfLine(item.content);
 }
 
@@ -266,6 +310,27 @@ BulkItem BulkItems::OfLine(std::string_view line) const {
   if (const auto metadata = json.find("metadata"); metadata != json.end()) {
     if (!metadata->is_object()) ThrowInvalid("metadata", "metadata must be a JSON object.");
     item.request.metadata = ToText(*metadata);
+  }
+  return item;
+}
+
+BulkItem BulkItems::OfRow(std::string_view row) const {
+  const std::vector<std::string> fields = CsvFields(row, separator_);
+  if (fields.size() != columns_.size()) {
+    ThrowInvalid("row", "The row has " + std::to_string(fields.size()) + " fields instead of " +
+                            std::to_string(columns_.size()) + ".");
+  }
+  BulkItem item;
+  item.change.emplace();
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (columns_[i] == "id") item.request.id = fields[i];
+    if (columns_[i] == "object") item.change->object = fields[i];
+    if (columns_[i] == "file") item.change->source = fields[i];
+    if (columns_[i] != "labels" || Trimmed(fields[i]).empty()) continue;
+    if (!ParseJson(fields[i], "labels").is_object()) {
+      ThrowInvalid("labels", "labels must be a JSON object, such as {\"shop\": \"east\"}.");
+    }
+    item.change->metadata = fields[i];
   }
   return item;
 }

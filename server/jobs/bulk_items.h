@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Many images in one body: lines of JSON (NDJSON) with base64 or addresses, or a TAR archive (POSIX
-// ustar with pax headers, and GNU's long names).
+// ustar with pax headers, and GNU's long names). Or new names and labels of stored images: CSV.
 #pragma once
 
 #include <cstddef>
@@ -32,6 +32,7 @@ struct BulkItem {
   AddRequest request;
   std::shared_ptr<const std::vector<std::uint8_t>> decoded = {};
   std::optional<std::string> url = {};
+  std::optional<ImageChange> change = {};  // of the stored image with the request's id
 };
 
 // The items of a body, which must outlive it. An item is parsed only by Item(). Immutable and
@@ -39,11 +40,13 @@ struct BulkItem {
 class BulkItems {
  public:
   // Throws ProblemError: "bad_request" for a damaged archive, "missing_parameter" for a body
-  // without items, "invalid_parameter" for too many. `type`: kTarType, or one that IsNdjsonType
-  // knows.
+  // without items, "invalid_parameter" for too many. `type`: kTarType, kCsvType, or one that
+  // IsNdjsonType knows.
   BulkItems(std::string_view body, const std::string& type, BulkDefaults defaults);
 
   std::size_t size() const { return items_.size(); }
+  // Of a TAR: left out, as FindImages() leaves files out.
+  std::uint64_t system_files() const { return system_files_; }
   // For people; known also for items that are wrong. "line 3", or the file's name.
   std::string NameOf(std::size_t i) const;
   // Throws ProblemError that says what is wrong with it: "invalid_json", "missing_parameter",
@@ -56,15 +59,20 @@ class BulkItems {
     std::string_view content;  // inside the body
   };
 
-  static std::vector<Raw> ReadTar(std::string_view archive);
+  std::vector<Raw> ReadTar(std::string_view archive);
   static std::vector<Raw> ReadLines(std::string_view body);
+  std::vector<Raw> ReadTable(std::string_view body);
   std::string CommonWay() const;
   BulkItem OfLine(std::string_view line) const;
+  BulkItem OfRow(std::string_view row) const;
   BulkItem OfFile(const Raw& file) const;
   std::string ObjectOf(const std::string& folder, const std::string& name) const;
 
   const BulkDefaults defaults_;
   const bool is_tar_;
+  std::uint64_t system_files_ = 0;
+  std::vector<std::string> columns_;  // of CSV; empty = something else
+  char separator_ = ',';
   std::vector<Raw> items_;
   bool object_is_folder_ = false;
   std::string common_way_;  // above all folders that are in folders; with a slash at its end

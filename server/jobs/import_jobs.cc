@@ -55,6 +55,7 @@ std::string ImportFolder(const ImportServices& services, const JobStatus& job,
       ResolveImportFolder(services.directory, job.parameters.at("folder").get<std::string>());
   const ImageFiles files =
       FindImages({folder}, ObjectFromName(job.parameters.at("object_from").get<std::string>()));
+  context.system_files(files.system_files);
   FolderImportOptions how;
   how.collection = job.collection;
   how.threads = ImportsAtOnce(services.pool);
@@ -112,6 +113,7 @@ struct BulkImport {
         body, parameters.at("type").get<std::string>(),
         {parameters.at("object").get<std::string>(), ToText(parameters.at("metadata")),
          parameters.at("object_from").get<std::string>(), services.files.max_item_bytes()});
+    context.system_files(items.system_files());
     const auto at_once = static_cast<std::size_t>(ImportsAtOnce(services.pool));
     const auto progress = [&] {
       context.progress(static_cast<double>(done), static_cast<double>(items.size()));
@@ -162,6 +164,15 @@ struct BulkImport {
     Outcome outcome{{{"index", i}, {"source", name}}, std::nullopt};
     try {
       BulkItem item = items.Item(i);
+      if (item.change) {
+        const ImageRecord image =
+            services.engine.Change(job.collection, *item.request.id, *item.change);
+        outcome.json.update({{"status", 200},
+                             {"outcome", "changed"},
+                             {"image_id", image.id},
+                             {"object", image.object}});
+        return outcome;
+      }
       if (item.url) Fetch(item);
       const AddResult added = AddAndTell(services, job, item.request, context.stop);
       outcome.json["status"] = added.outcome == AddOutcome::kCreated ? 201 : 200;

@@ -21,6 +21,7 @@ struct JobContext {
   std::stop_token stop;
   std::function<void(double done, double total)> progress;
   std::function<void(const SkippedItem&)> skipped;
+  std::function<void(std::uint64_t)> system_files;  // their number; see ImageFiles
 };
 
 // How jobs of one kind are done.

@@ -41,6 +41,7 @@ JobRecord ToRecord(const JobStatus& status, const std::string& owner) {
   for (const SkippedItem& item : status.skipped) {
     report["skipped"].push_back({item.item, item.code, item.reason});
   }
+  if (status.system_files > 0) report["system_files"] = status.system_files;
   return {status, ToText(status.parameters), JobStateName(status.state), ToText(report), owner};
 }
 
@@ -55,6 +56,7 @@ JobStatus FromRecord(const JobRecord& record) {
     for (const Json& item : report.value("skipped", Json::array())) {
       status.skipped.push_back({item.at(0), item.at(1), item.at(2)});
     }
+    status.system_files = report.value("system_files", std::uint64_t{0});
     if (const auto problem = report.find("problem"); problem != report.end()) {
       status.problem = Problem{.status = problem->value("status", 500),
                                .code = problem->value("code", "internal"),
@@ -292,6 +294,11 @@ void JobStore::Skip(const OwnJobPtr& job, const SkippedItem& item) {
   const std::lock_guard lock(mutex_);
   ++job->status.failed;
   if (job->status.skipped.size() < kMaxSkipped) job->status.skipped.push_back(item);
+}
+
+void JobStore::SetSystemFiles(const OwnJobPtr& job, std::uint64_t files) {
+  const std::lock_guard lock(mutex_);
+  job->status.system_files = files;
 }
 
 bool JobStore::Save(const OwnJobPtr& job, const JobStatus& status) {

@@ -40,6 +40,7 @@ struct JobStatus : JobFields {
   Json parameters = Json::object();
   JobState state = JobState::kQueued;
   std::vector<SkippedItem> skipped = {};  // the first JobStore::kMaxSkipped of them
+  std::uint64_t system_files = 0;         // of an import: left out; see ImageFiles
   std::optional<Problem> problem = {};    // when kFailed
 };
 
@@ -127,6 +128,7 @@ class JobStore {
   OwnJob Snapshot(const OwnJobPtr& job) const;
   void Progress(const OwnJobPtr& job, double done, double total);
   void Skip(const OwnJobPtr& job, const SkippedItem& item);
+  void SetSystemFiles(const OwnJobPtr& job, std::uint64_t files);
   // Writes the state; a failure is logged. False: it could not be written.
   bool Save(const OwnJobPtr& job, const JobStatus& status);
   // Writes the state, then shows it, also if it could not be written; JobWatcher writes it later.

@@ -25,10 +25,7 @@ constexpr const char* kSchemas = R"json({
     "images": "integer", "objects": "integer", "descriptors": "integer: keypoints of all images",
     "vocabulary": "Vocabulary|null: the active one",
     "found_from": "share: a hit with this probability is found", "created_at": "time"},
-  "CollectionList": {
-    "collections": "string[]",
-    "labels[]": {"": "the same collections with their display names and aliases", "name": "string",
-      "display_name": "string|null: for people", "aliases": "string[]"}},
+  "CollectionList": {"collections": "Collection[]"},
   "CollectionPatch": {
     "": "a JSON merge patch (RFC 7396): absent keys stay as they are", "...": false,
     "display_name?": [{"type": ["string", "null"], "maxLength": 200,
@@ -193,6 +190,7 @@ constexpr const char* kSchemas = R"json({
     "id": "string", "kind": "string", "collection": "string",
     "state": "'queued'|'running'|'done'|'failed'|'cancelled'",
     "done": "number: of total", "total": "number", "failed": "integer: number of failed items",
+    "system_files": "integer: files in folders of systems (trash, thumbnails), which an import left out",
     "attempts": "integer: number of starts", "created_at": "time", "finished_at": "time|null",
     "parameters": "any",
     "skipped[]?": {"": "the first 100 skipped items", "item": "string", "code": "string",
@@ -202,7 +200,7 @@ constexpr const char* kSchemas = R"json({
   "JobItems": {
     "items[]": {"index": "integer: from 0, in the order of the body",
       "source": "string: the file name, or the line's number",
-      "status": "integer: an HTTP status", "outcome?": "'created'|'replaced'|'unchanged'",
+      "status": "integer: an HTTP status", "outcome?": "'created'|'replaced'|'unchanged'|'changed'",
       "image_id?": "string", "object?": "string", "problem?": "ProblemSummary"},
     "next": "string|null: cursor of the next page"}
 })json";

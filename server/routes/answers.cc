@@ -69,6 +69,7 @@ Json JobJson(const JobStatus& job) {
                {"done", job.done},
                {"total", job.total},
                {"failed", job.failed},
+               {"system_files", job.system_files},
                {"attempts", job.attempts},
                {"created_at", IsoTime(job.created_ms)},
                {"finished_at", nullptr}};

@@ -18,15 +18,15 @@ constexpr std::size_t kMostAliasesAtOnce = 1000;
 constexpr std::int64_t kMostTestPictures = 10'000;
 
 Response ListCollections(Service& service, const Request&, const Parameters&) {
-  Json names = Json::array();
-  Json labels = Json::array();
-  for (const CollectionLabel& label : service.engine().ListLabels()) {
-    names.push_back(label.name);
-    labels.push_back({{"name", label.name},
-                      {"display_name", TextOrNull(label.display_name)},
-                      {"aliases", label.aliases}});
+  Json items = Json::array();
+  for (const std::string& name : service.engine().ListCollections()) {
+    try {
+      items.push_back(CollectionJson(service.engine().GetCollection(name)));
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kNotFound) throw;  // deleted meanwhile
+    }
   }
-  return JsonResponse({{"collections", std::move(names)}, {"labels", std::move(labels)}});
+  return JsonResponse({{"collections", std::move(items)}});
 }
 
 Response GetCollection(Service& service, const Request& request, const Parameters&) {

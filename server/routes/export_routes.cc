@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "index/engine/collection_npz.h"
+#include "index/json/record_csv.h"
 #include "index/json/record_json.h"
 #include "index/store/database_url.h"
 #include "server/http/body_file.h"
@@ -42,13 +43,15 @@ Response Export(Service& service, const Request& request, const Parameters& para
 }
 
 Response ExportRecords(Service& service, const Request& request, const Parameters& parameters) {
-  return Export(service, request, parameters, kNdjsonType, ".ndjson",
-                [&](ImageListing& list, BodyFile& file) {
+  const bool csv = parameters.Text("format") == "csv";
+  return Export(service, request, parameters, csv ? kCsvType : kNdjsonType,
+                csv ? ".csv" : ".ndjson", [&](ImageListing& list, BodyFile& file) {
+                  if (csv) file.Append(kCsvHeader);
                   list.limit = kRecordsAtOnce;
                   service.engine().ForEachPage(list, [&](const ImagePage& page) {
                     std::string lines;
                     for (const ImageRecord& image : page.records) {
-                      lines += ToText(ImageJson(image)) + '\n';
+                      lines += csv ? CsvRow(image) : ToText(ImageJson(image)) + '\n';
                     }
                     if (!lines.empty()) file.Append(lines);
                   });
@@ -68,9 +71,13 @@ Response ExportFeatures(Service& service, const Request& request, const Paramete
 
 void AddExportRoutes(RouteTable& table) {
   table.Add("GET /v1/collections/{c}/export", "collections.export", ExportRecords)
-      .Summary("Export the records of images, one JSON object per line, ordered by id")
-      .Takes({OfObjectParameter(), FilterParameter(), TextParameter()})
+      .Summary("Export the records of images, as lines of JSON or as a table, ordered by id")
+      .Takes({Parameter("format", "ndjson: one JSON object per line; csv: id, object, file, labels")
+                  .Choice({"ndjson", "csv"})
+                  .Default("ndjson"),
+              OfObjectParameter(), FilterParameter(), TextParameter()})
       .Sends(kNdjsonType, "lines, each an Image")
+      .Sends(kCsvType, "a table that images:import accepts")
       .Codes({"busy", "no_space", "read_only"})
       .Example(R"(curl "$PLIANT/v1/collections/default/export")");
   table.Add("GET /v1/collections/{c}/features", "collections.features", ExportFeatures)

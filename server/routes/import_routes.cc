@@ -71,7 +71,9 @@ Parameter ObjectFromParameter(const char* meaning) {
 
 void AddImportRoutes(RouteTable& table) {
   table.Add("POST /v1/collections/{c}/images:import", "images.import", Import)
-      .Summary("Add many images in the background, from lines of JSON with base64 or a TAR archive")
+      .Summary(
+          "Add many images in the background, from lines of JSON with base64 or a TAR archive; or "
+          "change names and labels of stored images by a CSV table")
       .Needs(Scope::kWrite)
       .Body(BodyKind::kBulk)
       .Takes(

@@ -67,16 +67,16 @@ const inState = (state) => items.filter((item) => item.state === state);
 
 const commonName = () => byId("add-object").value.trim();
 
-// found: [{ file, folder }]
-function enqueue(found) {
+// found: [{ file, folder }]; leftOut: the number of files in system folders
+function enqueue(found, leftOut = 0) {
   const taken = items.map(nameOf);
-  for (const { file, folder } of found.filter((one) => !one.file.name.startsWith("."))) {
+  for (const { file, folder } of found) {
     const name = defaultName(file, folder, taken);
     taken.push(name);
     items.push(makeItem(file, name));
   }
   giveCommonName();
-  say(byId("add-status"), "");
+  say(byId("add-status"), leftOut ? `${count(leftOut, "file")} of system folders left out.` : "");
   showTotal();
 }
 
@@ -228,10 +228,10 @@ byId("add-clear").addEventListener("click", () => {
   byId("add-title").focus();
 });
 
-accept(byId("view-add"), ["add-files", "add-folder", "add-camera"], ({ files, stored, address, problem }) => {
+accept(byId("view-add"), ["add-files", "add-folder", "add-camera"], ({ files, leftOut, stored, address, problem }) => {
   if (stored) notify("This image is already stored.", true);
   else if (problem) notify(problem, true);
-  else enqueue(address ? [{ file: fileAt(address), folder: "" }] : files);
+  else enqueue(address ? [{ file: fileAt(address), folder: "" }] : files, leftOut);
 });
 addEventListener("beforeunload", (event) => { if (stopper) event.preventDefault(); });
 

@@ -62,12 +62,11 @@ byId("retrain").addEventListener("click", () => tell("retrain-status", async () 
 
 // --- collections
 
-function collectionItem({ here, ...label }) {
-  const { name, display_name: shown, aliases } = label;
+function collectionItem({ here, ...collection }) {
+  const { name, display_name: shown, aliases, images } = collection;
   const href = `#/collection${name === "default" ? "" : `?${new URLSearchParams({ in: name })}`}`;
-  const item = make("li", {}, here ? make("strong", { text: `${shownName(label)} (this one)` }) : make("a", { href, text: shownName(label) }));
-  const others = [...(shown ? [name] : []), ...aliases];
-  if (others.length) item.append(" ", make("span", { class: "quiet beside", text: others.join(", ") }));
+  const item = make("li", {}, here ? make("strong", { text: `${shownName(collection)} (this one)` }) : make("a", { href, text: shownName(collection) }));
+  item.append(" ", make("span", { class: "quiet beside", text: [...(shown ? [name] : []), ...aliases, count(images, "image")].join(", ") }));
   if (name !== "default") {
     const remove = askingButton("Delete", `Delete the collection ${name}`, {
       question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => deleteCollection(name) });
@@ -93,8 +92,8 @@ const deleteCollection = (name) => changeCollections(async () => {
 
 onSubmit(byId("collection-form"), () => changeCollections(async () => {
   const typed = byId("collection-name").value.trim();
-  const { labels } = await api.collections();
-  const name = collectionNameFor(typed, labels.flatMap((label) => [label.name, ...label.aliases]));
+  const { collections } = await api.collections();
+  const name = collectionNameFor(typed, collections.flatMap((one) => [one.name, ...one.aliases]));
   await api.ask(api.address("", name), { method: "PUT" });
   if (name !== typed) await api.askJson(api.address("", name), "PATCH", { display_name: typed });
   byId("collection-name").value = "";
@@ -113,9 +112,9 @@ let latestCollections = 0;
 
 async function showCollections() {
   const number = ++latestCollections;
-  const { labels } = await api.collections();
+  const { collections } = await api.collections();
   const isHere = ({ name, aliases }) => [name, ...aliases].includes(api.collectionName());
-  if (number === latestCollections) listCollections(labels.map((label) => ({ ...label, here: isHere(label) })));
+  if (number === latestCollections) listCollections(collections.map((one) => ({ ...one, here: isHere(one) })));
 }
 
 // --- all of it

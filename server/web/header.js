@@ -14,13 +14,13 @@ let wanted = false;  // the server has asked for a key
 
 // Called after everything that changes collections.
 export async function refreshHeader() {
-  const { labels } = await api.collections().catch(() => ({}));  // the view says what is wrong
-  if (!labels) return;
+  const { collections } = await api.collections().catch(() => ({}));  // the view says what is wrong
+  if (!collections) return;
   const here = api.collectionName();
-  if (!labels.some(({ name }) => name === here)) labels.push({ name: here });  // an alias, or deleted
-  choice.replaceChildren(...labels.map((label) => make("option", { value: label.name, text: shownName(label) })));
+  if (!collections.some(({ name }) => name === here)) collections.push({ name: here });  // an alias, or deleted
+  choice.replaceChildren(...collections.map((one) => make("option", { value: one.name, text: shownName(one) })));
   choice.value = here;
-  byId("collection-label").hidden = labels.length < 2;
+  byId("collection-label").hidden = collections.length < 2;
 }
 
 choice.addEventListener("change", () => {

@@ -43,16 +43,17 @@ export function fileAt(address) {
   return { name: resultOr(last, () => decodeURIComponent(last)), address, size: 0, type: "", lastModified: Date.now() };
 }
 
-// One of: files: [{ file, folder }], stored: { collection, id }, address, problem (a sentence).
+// One of: files: [{ file, folder }] and leftOut, the number of files in system folders; stored: { collection, id }; address; problem (a sentence).
 async function received(transfer, how) {
   const addresses = addressesIn(transfer);  // now: nothing can be read later
   const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
-  let files = [...transfer.files].map((file) => ({ file, folder: "" }));
+  const files = [...transfer.files].map((file) => ({ file, folder: "" }));
   const stored = addresses.map(storedAt).find(Boolean);
   if (stored) return { stored };
   if (entries.some((entry) => entry?.isDirectory)) {
-    files = [];
-    for (const entry of entries) if (entry) await walk(entry, [], files);
+    const found = [];
+    for (const entry of entries) if (entry) await walk(entry, [], found);
+    return sorted(found);
   }
   if (files.length) return { files };
   const file = addresses.map(fileOfData).find(Boolean);
@@ -66,10 +67,24 @@ async function received(transfer, how) {
 // path: the folders around a file, from the given one; files directly in that folder have its name.
 const folderOf = ([given = "", ...below]) => below.join("/") || given;
 
+// Folders of systems: trash, thumbnails, snapshots. index/files/image_files.cc has the same list.
+const kSystemFolder = /^(@eadir|[#@]recycle|[#~]snapshot|@recently-snapshot|\$recycle\.bin|system volume information|__macosx|lost\+found)$/i;
+
+// found: [{ file, path }]. Leaves out hidden files and folders below the given folder, and counts the files in system folders.
+function sorted(found) {
+  const files = [];
+  let leftOut = 0;
+  for (const { file, path } of found) {
+    const odd = path.slice(1).find((name) => name.startsWith(".") || kSystemFolder.test(name));
+    if (odd && !odd.startsWith(".")) ++leftOut;
+    else if (!odd && !(path.length && file.name.startsWith("."))) files.push({ file, folder: folderOf(path) });
+  }
+  return files.length ? { files, leftOut } : { problem: "Found no image in this folder." };
+}
+
 async function walk(entry, path, found) {
   if (entry.isFile) {
-    const file = await new Promise((done, fail) => entry.file(done, fail));
-    if (!file.name.startsWith(".")) found.push({ file, folder: folderOf(path) });
+    found.push({ file: await new Promise((done, fail) => entry.file(done, fail)), path });
     return;
   }
   const reader = entry.createReader();
@@ -102,8 +117,8 @@ export function accept(view, inputs, use) {
   });
   for (const id of inputs) {
     byId(id).addEventListener("change", ({ target }) => {
-      const files = [...target.files].map((file) => ({ file, folder: folderOf(file.webkitRelativePath.split("/").slice(0, -1)) }));
-      if (files.length) use({ files });
+      const chosen = sorted([...target.files].map((file) => ({ file, path: file.webkitRelativePath.split("/").slice(0, -1) })));
+      if (target.files.length) use(chosen);
       target.value = "";  // so that the same file can be chosen again
     });
   }

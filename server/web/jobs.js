@@ -30,6 +30,7 @@ function jobItem(job, onChange) {
   const state = `${kStates[job.state] ?? job.state}, ${shortTime(job.finished_at ?? job.created_at)}`;
   const item = make("li", {}, make("strong", { text: name }), make("span", { class: "quiet", text: state }));
   if (job.failed) item.append(make("span", { class: "error", text: `${count(job.failed, "item")} failed` }));
+  if (job.system_files) item.append(make("span", { class: "quiet", text: `${count(job.system_files, "file")} of system folders left out` }));
   if (job.problem) item.append(make("span", { class: "error", text: problemWords(500, job.problem) }));
   if (!isActive(job)) return item;
   item.append(make("progress", { max: job.total || 1, value: job.done, "aria-label": name }), makeButton("Stop", async ({ target }) => {

@@ -7,8 +7,12 @@ export const kLongestName = 200;  // characters
 const kMostBytes = 512;           // in UTF-8, on the server
 const kUtf8 = new TextEncoder();
 
-// Names that cameras, phones and clipboards give to every image.
-const kSaysNothing = /^(image|img|photo|picture|pasted|blob|capture|untitled|unnamed|\d+)?$/i;
+// Names that cameras, phones and clipboards give: a word for all images, or a camera's letters and counter, or a date and a time; then only counters,
+// dates and times: IMG_1234, DSC00123, IMG-20231128-WA0001, 20231128_101112. Other numbers are names: of articles, books, lots.
+const kGiven = String.raw`image|img|photo|picture|pasted|blob|capture|screenshot|untitled|unnamed`;
+const kCamera = String.raw`(?:cimg|dji|dsc[fin]?|gopr|imgp|mvimg|pict|pxl|sam|signal|whatsapp image)[ _-]?(?=\d{4})`;
+const kMoment = String.raw`(?=(?:19|20)\d\d-?\d\d-?\d\d[ _-]\d\d[.-]?\d\d[.-]?\d\d)`;
+const kSaysNothing = new RegExp(String.raw`^(?:_?(?:${kGiven}|${kCamera}|${kMoment})(?:[\s\d_.()~-]|at|e(?=\d)|hdr|mp|wa)*)?$`, "i");
 
 // The server refuses names with control characters, invisible or direction-changing ones, and halves of characters.
 const kInvisible = /[\u0000-\u001f\u007f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\u{e0000}-\u{10ffff}\p{Cs}]/u;

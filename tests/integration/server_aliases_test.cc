@@ -120,8 +120,8 @@ TEST_F(AliasesTest, NamesForPeopleAreShownAndTakenBack) {
   ASSERT_EQ(named->status, 200) << named->body;
   EXPECT_EQ(Json::parse(named->body)["display_name"], "Summer shirts 2026!");
   const Json list = Get("/v1/collections");
-  EXPECT_EQ(list["collections"], Json::array({"default", "spring", "summer"}));
-  EXPECT_EQ(list["labels"][2]["display_name"], "Summer shirts 2026!");
+  ASSERT_EQ(list["collections"].size(), 3U);
+  EXPECT_EQ(list["collections"][2]["display_name"], "Summer shirts 2026!");
   EXPECT_EQ(change(R"({"name": "other"})")->status, 400);
   EXPECT_EQ(change(R"({"display_name": 7})")->status, 400);
   const auto long_name = change(Json{{"display_name", std::string(201, 'x')}}.dump());

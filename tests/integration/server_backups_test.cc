@@ -87,6 +87,11 @@ TEST_F(BackupsTest, ADownloadedOneCanBeRestored) {
   EXPECT_EQ(done.status, 0) << done.err;
   const ProgramResult check = RunProgram({"db", "check", "--db", restored});
   EXPECT_EQ(check.status, 0) << check.out << check.err;
+  // Its own job was running when the backup was made.
+  server_->Stop();
+  fs::rename(restored, folder_ / "test.db");
+  StartWithBackups();
+  EXPECT_EQ(Json::parse(client_->Get("/v1/jobs")->body)["jobs"], Json::array());
 }
 
 TEST_F(BackupsTest, EncryptedTheyAreTheSame) {

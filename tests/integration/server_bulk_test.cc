@@ -56,6 +56,7 @@ TEST_F(BulkTest, ImportsAFolderAndSaysWhatItLeftOut) {
   Save("shelf/cup/1.png", TestImage(2));
   Save("shelf/cup/broken.png", "no image");
   Save("shelf/twin/1.png", TestImage(2));
+  Save("shelf/@eaDir/1.png/M.png", TestImage(3));
   Save("secret/1.png", TestImage(9));
   std::filesystem::create_symlink(folder_ / "secret/1.png", folder_ / "shelf/cup/link.png");
   const ServerProcess server(database(), {"--import-dir", (folder_ / "shelf").string()});
@@ -69,6 +70,7 @@ TEST_F(BulkTest, ImportsAFolderAndSaysWhatItLeftOut) {
   EXPECT_EQ(job["state"], "done") << job;
   EXPECT_EQ(job["total"], 6);
   EXPECT_EQ(job["failed"], 3) << job;
+  EXPECT_EQ(job["system_files"], 1);
   std::map<std::string, std::string> skipped;
   for (const Json& item : job["skipped"]) skipped[item["item"]] = item["code"];
   EXPECT_EQ(skipped["cup/broken.png"], "image_type_unknown");

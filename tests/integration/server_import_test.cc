@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <map>
 #include <string>
 #include <thread>
 #include <vector>
@@ -137,16 +138,68 @@ TEST_F(ImportTest, LinesOfJsonHaveAResultEach) {
             400);
 }
 
+TEST_F(ImportTest, ATableChangesNamesAndLabels) {
+  const std::string labels = R"({"note":"a, \"b\"\n; c","shop":"west"})";
+  for (const auto& [id, i] : std::map<std::string, int>{{"a", 1}, {"b", 2}, {"c", 3}}) {
+    const Json body = {{"image", Base64Of(TestImage(static_cast<std::uint64_t>(i)))},
+                       {"object", "cup; \"old\", " + id},
+                       {"metadata", Json::parse(labels)}};
+    ASSERT_EQ(
+        client_->Put(std::string(kImages) + "/" + id, body.dump(), "application/json")->status,
+        201);
+  }
+  const auto table = [&] {
+    const auto answer = client_->Get("/v1/collections/default/export?format=csv");
+    EXPECT_EQ(answer->get_header_value("Content-Type"), "text/csv");
+    return answer->body;
+  };
+  const std::string before = table();
+  EXPECT_TRUE(before.starts_with("id,object,file,labels\r\na,\"cup; \"\"old\"\", a\",")) << before;
+  EXPECT_EQ(Finished(client_->Post(kImport, before, "text/csv"))["failed"], 0);
+  EXPECT_EQ(table(), before) << "the same table changes nothing";
+  // As a spreadsheet in German writes it.
+  const std::string changed =
+      "\xef\xbb\xbf"
+      "Object;ID;Labels\r\n"
+      "Tasse \xc3\xa4;a;\r\n"
+      "\"two\nlines\";b;\r\n"
+      "mug;none;\r\n"
+      "mug;b\r\n"
+      "mug;b;7\r\n"
+      ";c;\"{\"\"shop\"\": \"\"east\"\", \"\"note\"\": null}\"\r\n";
+  const Json job = Finished(client_->Post(kImport, changed, "text/csv; charset=utf-8"));
+  EXPECT_EQ(job["state"], "done") << job;
+  std::vector<int> statuses;
+  const Json items = Items(job)["items"];
+  for (const Json& item : items) statuses.push_back(item["status"]);
+  EXPECT_EQ(statuses, (std::vector<int>{200, 400, 404, 400, 400, 200})) << items;
+  EXPECT_EQ(items[0]["outcome"], "changed");
+  EXPECT_EQ(items[2]["source"], "row 4");
+  EXPECT_EQ(items[3]["problem"]["detail"], "The row has 2 fields instead of 3.");
+  EXPECT_EQ(items[4]["problem"]["parameter"], "labels");
+  EXPECT_EQ(Record("a")["object"], "Tasse \xc3\xa4");
+  EXPECT_EQ(Record("a")["metadata"], Json::parse(labels)) << "an empty cell changes no labels";
+  EXPECT_EQ(Record("c")["object"], "");
+  EXPECT_EQ(Record("c")["metadata"], (Json{{"shop", "east"}}));
+  Refused("id,object\r\na,\"open\r\n", "text/csv", 400, "invalid_parameter");
+  Refused("object,file\r\nmug,a.jpg\r\n", "text/csv", 400, "invalid_parameter");
+  Refused("id,price\r\na,7\r\n", "text/csv", 400, "invalid_parameter");
+  Refused("id,object\r\n", "text/csv", 400, "missing_parameter");
+}
+
 TEST_F(ImportTest, TarArchives) {
   const std::string archive =
       TarEntry("shelf/", "", '5') + TarEntry("shelf/mug/a.png", TestImage(1)) +
       TarEntry("shelf/mug/b.png", TestImage(2)) + TarEntry("shelf/cup/._c.png", "x") +
-      TarEntry("shelf/cup/c.png", TestImage(3)) + TarEntry("shelf/notes.txt", "no image") +
-      TarEntry("link.png", "", '2') + std::string(1024, '\0');
+      TarEntry("shelf/.trash/d.png", TestImage(4)) + TarEntry("shelf/mug/@eaDir/a.png/M.png", "x") +
+      TarEntry("__MACOSX/shelf/._a.png", "x") + TarEntry("shelf/cup/c.png", TestImage(3)) +
+      TarEntry("shelf/notes.txt", "no image") + TarEntry("link.png", "", '2') +
+      std::string(1024, '\0');
   const Json job = Finished(client_->Post(kImport, archive, kTar));
   EXPECT_EQ(job["state"], "done") << job;
   EXPECT_EQ(job["total"], 4);
   EXPECT_EQ(job["failed"], 1);
+  EXPECT_EQ(job["system_files"], 2);
   const Json items = Items(job)["items"];
   ASSERT_EQ(items.size(), 4U);
   EXPECT_EQ(items[0]["object"], "mug");

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 import pliant
-from support import BIN, FolderCase, eventually, other_view, pattern, png, server
+from support import BIN, FolderCase, eventually, other_view, pattern, png, run, server
 
 
 class Served(FolderCase):
@@ -32,7 +32,7 @@ class Served(FolderCase):
     def test_life(self):
         client = self.client
         self.assertTrue(client.ready())
-        self.assertEqual(client.collections(), ["default"])
+        self.assertEqual([one["name"] for one in client.collections()], ["default"])
         shelf = client.collection("shelf")
         self.assertEqual(shelf.create()["name"], "shelf")
         self.assertEqual(shelf.create()["name"], "shelf")
@@ -57,7 +57,7 @@ class Served(FolderCase):
         self.assertIn(job["id"], [one["id"] for one in client.jobs()])
         self.assertTrue(any(v["words"] == 50 and v["active"] for v in shelf.vocabularies()))
 
-        answer = shelf.search(other_view(0), top=2, explain=True, region=(0, 0, 160, 120))
+        answer = shelf.search(other_view(0), limit=2, explain=True, region=(0, 0, 160, 120))
         self.assertEqual(answer["hits"][0]["object"], "mug")
         self.assertEqual(len(answer["hits"]), 2)
         self.assertIn("mesh", answer["hits"][0]["explain"])
@@ -101,7 +101,59 @@ class Served(FolderCase):
         self.assertEqual(shelf.delete_object("cup é/?#"), 1)
         self.assertEqual(shelf.info()["images"], 1)
         shelf.drop()
-        self.assertEqual(client.collections(), ["default"])
+        self.assertEqual([one["name"] for one in client.collections()], ["default"])
+
+    def test_what_admins_and_exports_need(self):
+        client = self.client
+        for seed in range(3):
+            client.add(pattern(seed), id=f"p{seed}", object="mug", metadata={"shop": "east" if seed else "west"})
+        self.assertEqual(client.object_info("mug")["images"], 3)
+        for of, total in (("images", 3), ("objects", 1)):
+            counted = client.facets("shop", of=of)
+            self.assertEqual((counted["total"], counted["facets"]["shop"]["complete"]), (total, True))
+        self.assertEqual(client.facets("shop")["facets"]["shop"]["values"][0], {"value": "east", "count": 2})
+        self.assertEqual(client.facets(filter={"shop": "west"}), {"total": 1, "facets": {}})
+        client.save_records(self.folder / "east.ndjson", filter={"shop": "east"})
+        lines = (self.folder / "east.ndjson").read_text().splitlines()
+        self.assertEqual([json.loads(line)["id"] for line in lines], ["p1", "p2"])
+        table = self.folder / "names.csv"
+        client.save_records(table)
+        table.write_text(table.read_text().replace("p0,mug", "p0,red mug"))
+        self.assertEqual(client.import_archive(table)["failed"], 0)
+        self.assertEqual([client.get(f"p{seed}")["object"] for seed in range(3)], ["red mug", "mug", "mug"])
+        client.update("p0", object="mug")
+        self.assertEqual(client.preview(pattern(0))[:2], b"\xff\xd8")
+        client.train(words=40, activate=False)
+        client.use(client.vocabularies()[-1]["id"])
+        self.assertTrue(client.vocabularies()[-1]["active"])
+        with self.fails(pliant.ConflictError, "imports_off"):
+            client.import_folder()
+        with self.fails(pliant.ConflictError, "backups_off"):
+            client.backups()
+        root = client.create_key("root", "admin")
+        admin = pliant.Client(self.address, root["key"])
+        self.assertEqual(admin.me()["key"]["name"], "root")
+        shop = admin.create_key("shop", "read")
+        self.assertEqual([key["name"] for key in admin.keys()], ["root", "shop"])
+        admin.revoke_key(shop["id"])
+        with self.fails(pliant.UnauthorizedError):
+            pliant.Client(self.address, shop["key"]).info()
+
+    def test_backups_and_imports_of_folders(self):
+        for name in ("backups", "shelf/mug", "shelf/@eaDir", "other"):
+            (self.folder / name).mkdir(parents=True)
+        self.write("shelf/mug/a.png", pattern(1))
+        self.write("shelf/@eaDir/a.png", pattern(2))
+        with server(self.folder / "other", "--backup-dir", self.folder / "backups", "--import-dir", self.folder) as (address, _):
+            client = pliant.Client(address)
+            job = client.import_folder("shelf")
+            self.assertEqual((job["done"], job["failed"], job["system_files"]), (1, 0, 1))
+            self.assertEqual(client.backup("a.db")["state"], "done")
+            self.assertEqual([one["name"] for one in client.backups()], ["a.db"])
+            client.save_backup("a.db", self.folder / "copy.db")
+            client.delete_backup("a.db")
+            self.assertEqual(client.backups(), [])
+        self.assertEqual(run("db", "check", "--db", self.folder / "copy.db", "--json")["ok"], True)
 
     def test_same_as_the_library(self):
         for seed in range(3):
@@ -224,7 +276,7 @@ class Served(FolderCase):
         with self.fails(pliant.UnauthorizedError, "unauthorized"):
             self.client.collections()
         reader, writer = (pliant.Client(self.address, key) for key in keys)
-        self.assertEqual(reader.collections(), ["default"])
+        self.assertEqual([one["name"] for one in reader.collections()], ["default"])
         with self.fails(pliant.ForbiddenError, "forbidden"):
             reader.add(pattern(1))
         with self.fails(pliant.ForbiddenError, "forbidden"):
@@ -268,7 +320,7 @@ class ImagesByAddress(FolderCase):
                 client.add(pattern(seed), object=f"other {seed}")
             client.train(words=50)
             view = f"http://{host}/view.png"
-            self.assertEqual(client.search(image_url=view, top=1)["hits"][0]["object"], "mug")
+            self.assertEqual(client.search(image_url=view, limit=1)["hits"][0]["object"], "mug")
             self.assertTrue(client.locate(None, "mug", image_url=view)["found"])
             for pair in ({"first": self.folder / "mug.png", "second_url": view}, {"first_url": view, "second": pattern(0)},
                          {"first_url": f"http://{host}/mug.png", "second_url": view, "explain": True}):

@@ -16,7 +16,7 @@ import pliant
 
 BUSY = (503, {"Retry-After": "0", "Content-Type": "application/problem+json"},
         json.dumps({"code": "busy", "title": "Service Unavailable", "status": 503, "detail": "too much to do"}).encode())
-GOOD = (200, {"Content-Type": "application/json"}, b'{"collections": ["default"]}')
+GOOD = (200, {"Content-Type": "application/json"}, b'{"collections": [{"name": "default"}]}')
 RECORD = (201, {"Content-Type": "application/json"}, b'{"id": "x"}')
 CUT = None  # the connection ends without an answer
 
@@ -48,14 +48,21 @@ class Scripted(unittest.TestCase):
             def log_message(self, *_):
                 pass
 
-        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        thread = threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.01})
-        thread.start()
-        self.addCleanup(thread.join)
-        self.addCleanup(self.server.server_close)
-        self.addCleanup(self.server.shutdown)
+        self.handler = Handler
+        self.serve()
+        self.addCleanup(lambda: self.stop())
         self.address = f"http://127.0.0.1:{self.server.server_port}"
         self.client = pliant.Client(self.address, "secret")
+
+    def serve(self, port=0):
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", port), self.handler)
+        self.thread = threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.01})
+        self.thread.start()
+
+    def stop(self):
+        self.server.shutdown()
+        self.server.server_close()
+        self.thread.join()
 
     def test_a_download_is_whole_or_not_there(self):
         with tempfile.TemporaryDirectory() as name:
@@ -80,7 +87,7 @@ class Scripted(unittest.TestCase):
 
     def test_busy(self):
         self.answers = [BUSY, BUSY, GOOD]
-        self.assertEqual(self.client.collections(), ["default"])
+        self.assertEqual(self.client.collections(), [{"name": "default"}])
         self.answers = [BUSY, RECORD]
         self.assertEqual(self.client.add(b"bytes"), {"id": "x"})  # POST: it was not begun
         self.assertEqual(self.methods(), ["GET"] * 3 + ["POST"] * 2)
@@ -197,6 +204,40 @@ class Scripted(unittest.TestCase):
         with self.assertRaises(pliant.UnavailableError) as caught:
             self.client.wait("7", timeout=0.2)
         self.assertEqual(caught.exception.code, "timeout")
+
+    def test_a_restart_of_the_server_does_not_end_waiting(self):
+        def job(state):
+            return (200, {"Content-Type": "application/json"}, json.dumps({"id": "7", "state": state}).encode())
+
+        starting = (503, {"Retry-After": "0", "Content-Type": "application/problem+json"}, b'{"code": "starting"}')
+        port = self.server.server_port
+        refused = threading.Event()
+        once = self.client._transport._once
+
+        def watched(*request):
+            try:
+                return once(*request)
+            except ConnectionRefusedError:
+                if not refused.is_set():
+                    refused.set()
+                    self.serve(port)
+                raise
+
+        def heard(_):
+            if not refused.is_set():
+                self.stop()
+
+        self.client._transport._once = watched
+        self.answers = [job("running"), starting, CUT, BUSY, job("running"), job("done")]
+        client = self.client
+        self.assertEqual(client.wait("7", progress=heard)["state"], "done")
+        self.assertTrue(refused.is_set())
+        self.assertEqual(self.answers, [])
+        self.stop()
+        for patience, timeout in ((0.1, None), (60, 0.1)):
+            with self.assertRaises(pliant.ConnectionFailedError):
+                pliant.Client(self.address, max_wait=patience).wait("7", timeout=timeout)
+        self.serve(port)
 
     def test_a_file_is_sent_from_its_beginning_each_time(self):
         with tempfile.TemporaryDirectory() as name:

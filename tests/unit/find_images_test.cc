@@ -78,5 +78,36 @@ TEST_F(FindImagesTest, WhatLiesBesideFoldersIsNamedByItsFile) {
   EXPECT_EQ(Named({"shop"}, ObjectFrom::kNone)["shop/hat/1.jpg"], "");
 }
 
+TEST_F(FindImagesTest, FoldersOfSystemsAreLeftOutAndCounted) {
+  for (const char* name :
+       {"shop/obj/a.jpg", "shop/@eaDir/SYNOPHOTO_THUMB_XL.jpg", "shop/obj/@eaDir/a.jpg/SYNO_M.jpg",
+        "shop/#recycle/old.jpg", "shop/@Recycle/x.jpg", "shop/$RECYCLE.BIN/x.jpg",
+        "shop/lost+found/x.jpg", "shop/__MACOSX/obj/._a.jpg", "shop/System Volume Information/x",
+        "shop/.hidden/@eaDir/x.jpg", "shop/recycle/kept.jpg"}) {
+    Put(name);
+  }
+  const Names kept = {{"shop/obj/a.jpg", "obj"}, {"shop/recycle/kept.jpg", "recycle"}};
+  EXPECT_EQ(Named({"shop"}), kept);
+  EXPECT_EQ(FindImages({root_ / "shop"}, ObjectFrom::kAuto).system_files, 8U);
+  EXPECT_EQ(Named({"shop/#recycle"}), (Names{{"shop/#recycle/old.jpg", "old"}})) << "if asked for";
+}
+
+TEST_F(FindImagesTest, ALinkNamesAnObjectOnlyIfNothingElseDoes) {
+  for (const char* name : {"shop/obj/a.jpg", "outside/b.jpg", "outside/c.jpg"}) Put(name);
+  fs::create_directories(root_ / "shop/links");
+  fs::create_symlink("..", root_ / "shop/links/loop");
+  fs::create_symlink("../obj", root_ / "shop/links/again");
+  fs::create_symlink("../obj/a.jpg", root_ / "shop/links/a.jpg");
+  fs::create_symlink("../../outside/b.jpg", root_ / "shop/links/b.jpg");
+  fs::create_symlink("nowhere.jpg", root_ / "shop/links/broken.jpg");
+  EXPECT_EQ(Named({"shop"}), (Names{{"shop/links/b.jpg", "links"}, {"shop/obj/a.jpg", "obj"}}));
+  const ImageFiles files = FindImages({root_ / "shop"}, ObjectFrom::kAuto);
+  ASSERT_EQ(files.skipped.size(), 1U);
+  EXPECT_TRUE(files.skipped[0].file.ends_with("links/broken.jpg"));
+  fs::create_symlink("../outside", root_ / "shop/z");  // a folder is more of a name than a link
+  EXPECT_EQ(Named({"shop"}),
+            (Names{{"shop/obj/a.jpg", "obj"}, {"shop/z/b.jpg", "z"}, {"shop/z/c.jpg", "z"}}));
+}
+
 }  // namespace
 }  // namespace pliant

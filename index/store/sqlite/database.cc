@@ -75,6 +75,19 @@ std::uint32_t BigEndian(const Header& header, std::size_t at, int bytes) {
                   "); it was left untouched: name another file");
 }
 
+// A backup is a state, not work in progress: restored, its own job would be an interrupted one.
+void RemoveActiveJobs(const fs::path& copy) {
+  SQLite::Database database(fs::absolute(copy).string(), SQLite::OPEN_READWRITE);
+  SQLite::Transaction writing(database);
+  database.exec(R"sql(
+    DELETE FROM jobs WHERE state IN ('queued', 'running');
+    DELETE FROM job_inputs WHERE job NOT IN (SELECT id FROM jobs);
+    DELETE FROM job_items WHERE job NOT IN (SELECT id FROM jobs);
+  )sql");
+  writing.commit();
+  database.exec("PRAGMA wal_checkpoint(TRUNCATE)");
+}
+
 }  // namespace
 
 void MakeTables(SQLite::Database& database) {
@@ -171,6 +184,7 @@ void BackupDatabase(SqliteConnection& source, const fs::path& target, const std:
   RemoveAbandonedBackups(fs::absolute(target).parent_path());
   NewDatabaseFile temporary(target);
   CopyDatabase(source, temporary.path(), stop);
+  RemoveActiveJobs(temporary.path());
   if (!temporary.Publish(target, NewDatabaseFile::Over::kNothing)) throw exists;
 }
 

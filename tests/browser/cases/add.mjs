@@ -55,12 +55,14 @@ test("many at once, with names; what fails says why and can be tried again", asy
 
 test("a folder's name is the object's name", async () => {
   const folder = mkdtempSync(join(tmpdir(), "pliant-folder-"));
-  for (const [i, name] of ["lamp/a.png", "lamp/b.png", "chair/c.png", "chair/side/d.png"].entries()) {
+  for (const [i, name] of ["lamp/a.png", "lamp/b.png", "chair/c.png", "chair/side/d.png", "lamp/@eaDir/a.png/M.png", "#recycle/e.png",
+                           ".trash/f.png"].entries()) {
     mkdirSync(join(folder, name, ".."), { recursive: true });
     writeFileSync(join(folder, name), blobs(10 + i));
   }
   const page = await house.openPage(`${server.address}/#/add`);
   await page.locator("#add-folder").setInputFiles(folder);
+  await house.waitForText(page, "#add-status", /^2 files of system folders left out\.$/);
   await page.getByRole("button", { name: "Add 4 images" }).click();
   await house.waitForText(page, "#add-status", /Finished: 4 images added\./);
   assert.equal((await images("&object=lamp")).length, 2);

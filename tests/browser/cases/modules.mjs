@@ -148,7 +148,15 @@ test("names are made of folders and files, and of the time where those say nothi
                    ["red scarf", "a.b", ".jpg", "lamp", "caf\u00e9"]);
   const made = await name(file("image.png"));
   assert.match(made, /^Photo (1969|1970)-/);
-  assert.equal(await name(file("1234.png"), "", [made]), `${made} (2)`);
+  assert.equal(await name(file("IMG_1234.png"), "", [made]), `${made} (2)`);
+  for (const camera of ["IMG_1234", "IMG_E1234", "DSC00123", "_DSC0123", "DSCN0123", "PXL_20231128_101112345", "PXL_20231128_101112345.MP", "20231128_101112",
+                        "2023-11-28 10.11.12", "IMG-20231128-WA0001", "WhatsApp Image 2023-11-28 at 10.11.12 (1)", "Screenshot_20231128-101112",
+                        "photo_2023-11-28_10-11-12", "GOPR0123", "DJI_0012", "image (2)", "image0"]) {
+    assert.match(await name(file(`${camera}.jpg`)), /^Photo /, camera);
+  }
+  for (const own of ["1015", "1015 (2)", "4006381333931", "978-3-16-148410-0", "20231128", "12.5 cm", "A1015", "Sam", "Sam 2", "capture the flag", "e1"]) {
+    assert.equal(await name(file(`${own}.jpg`)), own);
+  }
 }));
 
 test("collections have names for addresses, whatever people call them", () => withModules(async (call) => {

@@ -84,7 +84,7 @@ class Verifier:
     def records(self, connection):
         """{key: record}, and {(collection, ""): EXISTS}."""
         found = {}
-        for name in connection.get("/v1/collections")["collections"]:
+        for name in [one["name"] for one in connection.get("/v1/collections")["collections"]]:
             found[name, ""] = EXISTS
             images = everything(connection, f"/v1/collections/{name}/images", "images")
             ids = [image["id"] for image in images]
