@@ -257,6 +257,7 @@ std::string StatusTitle(int status) {
       {206, "Partial Content"},
       {207, "Multi-Status"},
       {304, "Not Modified"},
+      {308, "Permanent Redirect"},
       {400, "Bad Request"},
       {401, "Unauthorized"},
       {403, "Forbidden"},
