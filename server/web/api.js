@@ -23,7 +23,7 @@ export const setKey = (key) => (key ? sessionStorage.setItem(kKeyName, key) : se
 export const keyHeaders = () => (getKey() ? { Authorization: `Bearer ${getKey()}` } : {});
 
 const kScopes = ["admin", "write", "read"];  // each includes the scopes after it
-let fetches = false;
+let serverHas = {};
 let tell;
 const told = new Promise((done) => { tell = done; });
 
@@ -31,8 +31,8 @@ const told = new Promise((done) => { tell = done; });
 // from others, and shows those with data-only="read" to readers.
 export async function refreshScope() {
   try {
-    const { scopes, image_url: isFetching } = await ask("v1/me");
-    fetches = isFetching;
+    const { scopes, ...rest } = await ask("v1/me");
+    serverHas = rest;
     document.documentElement.dataset.scope = kScopes.find((scope) => scopes.includes(scope)) ?? "read";
   } finally {
     tell();
@@ -40,7 +40,8 @@ export async function refreshScope() {
 }
 export const isAdmin = () => document.documentElement.dataset.scope === "admin";
 // Whether the server fetches images by their addresses; waits until that is known.
-export const mayFetch = () => told.then(() => fetches);
+export const mayFetch = () => told.then(() => serverHas.image_url);
+export const hasBackups = () => told.then(() => serverHas.backups);
 
 // --- addresses, all relative: a proxy can serve the page below any path
 

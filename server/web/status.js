@@ -65,7 +65,7 @@ async function showReady() {
 const listJobs = makeJobList("status-jobs", refresh);
 
 async function showJobs() {
-  const { jobs } = await api.ask("v1/jobs");
+  const { jobs } = await api.ask("v1/jobs?limit=500");
   listJobs(jobs);
   const running = jobs.filter(isActive).length;
   byId("status-running").textContent = running ? `${count(running, "job")} running` : "";
@@ -98,10 +98,7 @@ const listBackups = makeLiveList("backups", backupItem, "No backups yet.");
 
 async function showBackups() {
   if (!api.isAdmin()) return;
-  const { backups } = await api.ask("v1/backups").catch((error) => {
-    if (error.code !== "backups_off") throw error;
-    return { backups: null };
-  });
+  const { backups } = await api.hasBackups() ? await api.ask("v1/backups") : {};
   byId("backups-off").hidden = Boolean(backups);
   byId("backups-on").hidden = !backups;
   listBackups(backups ?? []);
