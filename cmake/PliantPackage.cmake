@@ -6,7 +6,7 @@ install(FILES docker/pliant-server.service DESTINATION /lib/systemd/system COMPO
 install(FILES docker/server.toml DESTINATION /etc/pliant COMPONENT service EXCLUDE_FROM_ALL)
 install(FILES server/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME SERVER.md COMPONENT runtime)
 install(DIRECTORY server/reference DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
-install(FILES docker/README.md docker/POSTGRESQL.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
+install(FILES docker/README.md docker/POSTGRESQL.md server/PROXY.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME pliant)

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <initializer_list>
 
 namespace pliant {
 namespace {
@@ -13,19 +14,26 @@ constexpr std::string_view kDigits =
 constexpr std::string_view kUrlDigits =
     "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
 
-using Values = std::array<std::int8_t, 256>;  // of each character; -1 = none
+constexpr std::int8_t kNone = -1;
+constexpr std::int8_t kBlank = -2;
+using Values = std::array<std::int8_t, 256>;  // of each character
 
-constexpr Values ValuesOf(std::string_view digits) {
+constexpr Values ValuesOf(std::initializer_list<std::string_view> alphabets,
+                          std::string_view blanks = {}) {
   Values values{};
-  for (std::int8_t& value : values) value = -1;
-  for (std::size_t i = 0; i < digits.size(); ++i) {
-    values[static_cast<unsigned char>(digits[i])] = static_cast<std::int8_t>(i);
+  for (std::int8_t& value : values) value = kNone;
+  for (const std::string_view digits : alphabets) {
+    for (std::size_t i = 0; i < digits.size(); ++i) {
+      values[static_cast<unsigned char>(digits[i])] = static_cast<std::int8_t>(i);
+    }
   }
+  for (const char c : blanks) values[static_cast<unsigned char>(c)] = kBlank;
   return values;
 }
 
-constexpr Values kValues = ValuesOf(kDigits);
-constexpr Values kUrlValues = ValuesOf(kUrlDigits);
+constexpr std::string_view kBlanks = " \t\r\n";
+constexpr Values kAnyValues = ValuesOf({kDigits, kUrlDigits}, kBlanks);
+constexpr Values kUrlValues = ValuesOf({kUrlDigits});
 
 std::string Encode(const std::uint8_t* data, std::size_t bytes, std::string_view digits, bool pad) {
   std::string text;
@@ -55,6 +63,7 @@ bool Decode(std::string_view text, const Values& values, Container* bytes) {
   int bits = 0;
   for (const char c : text) {
     const int value = values[static_cast<unsigned char>(c)];
+    if (value == kBlank) continue;
     if (value < 0) return false;
     group = (group << 6 | static_cast<std::uint32_t>(value)) & 0xffff;
     bits += 6;
@@ -63,7 +72,7 @@ bool Decode(std::string_view text, const Values& values, Container* bytes) {
       bytes->push_back(static_cast<typename Container::value_type>(group >> bits & 0xff));
     }
   }
-  return text.size() % 4 != 1 && (group & ((1U << bits) - 1)) == 0;
+  return bits < 6 && (group & ((1U << bits) - 1)) == 0;
 }
 
 }  // namespace
@@ -81,10 +90,11 @@ bool Base64Decode(std::string_view text, std::vector<std::uint8_t>* bytes) {
     if (mark == std::string_view::npos) return false;
     text.remove_prefix(mark + kMark.size());
   }
-  if (text.size() % 4 == 0) {
-    for (int i = 0; i < 2 && text.ends_with('='); ++i) text.remove_suffix(1);
-  }
-  return Decode(text, kValues, bytes);
+  const std::size_t end = text.find_last_not_of(kBlanks) + 1;
+  std::size_t padding = 0;
+  for (text = text.substr(0, end); text.ends_with('='); text.remove_suffix(1)) ++padding;
+  return Decode(text, kAnyValues, bytes) && (padding == 0 || (bytes->size() + padding) % 3 == 0) &&
+         padding < 3;
 }
 
 std::string Base64UrlEncode(std::string_view bytes) {

@@ -12,8 +12,8 @@
 namespace pliant {
 
 std::string Base64(const void* data, std::size_t bytes);
-// Section 4, with or without padding; a "data:...;base64," before it is taken off. False when the
-// text is anything else.
+// Section 4 or 5, with or without padding and line breaks; a "data:...;base64," before it is taken
+// off. False when the text is anything else.
 bool Base64Decode(std::string_view text, std::vector<std::uint8_t>* bytes);
 
 // Section 5, without padding.

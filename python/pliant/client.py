@@ -289,7 +289,7 @@ class Client:
 
     def jobs(self) -> list[Json]:
         """All jobs of the server, newest first."""
-        return list(self._ask("GET", "/v1/jobs")["jobs"])
+        return list(self._pages("/v1/jobs", "jobs", 500, {}))
 
     def job(self, id: str) -> Json:
         """A job's state (queued, running, done, failed, cancelled), done, total and failed."""

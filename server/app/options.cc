@@ -21,6 +21,7 @@
 #include "descriptor/base/strings.h"
 #include "index/store/database_url.h"
 #include "index/usage/usage.h"
+#include "server/http/forwarded.h"
 
 namespace pliant::server {
 
@@ -64,6 +65,11 @@ const Flag kFlags[] = {
      "page"},
     {"--allowed-hosts", &O::allowed_hosts,
      "Comma-separated further host names of the server, or *"},
+    {"--base-path", &O::base_path,
+     "Path like /pliant below which a reverse proxy serves Pliant; default: none"},
+    {"--trusted-proxies", &O::trusted_proxies,
+     "Comma-separated addresses and networks (CIDR) of reverse proxies whose Forwarded and "
+     "X-Forwarded-* headers count; default: none"},
     {"--fetch-hosts", &O::fetch_hosts,
      "Comma-separated hosts for image_url: NAME or *.SUFFIX, with or without :PORT, or *; default: "
      "none"},
@@ -343,6 +349,14 @@ void CheckOptions(const ServerOptions& options) {
             "must be comma-separated names like images.example, without scheme and port, or *");
   CheckEach("cors-origins", options.cors_origins, R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)",
             "must be comma-separated origins like https://shop.example, or *");
+  if (!IsBasePath(options.base_path)) {
+    Fail("base-path", "must be a path like /pliant, not '" + options.base_path + "'");
+  }
+  try {
+    const TrustedProxies proxies(Split(options.trusted_proxies, ','));
+  } catch (const Error& error) {
+    Fail("trusted-proxies", "is invalid: " + std::string(error.what()));
+  }
 }
 
 HttpOptions MakeHttpOptions(const ServerOptions& options) {
@@ -351,6 +365,8 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
   http.tls_key = options.tls_key;
   http.allowed_origins = Split(options.cors_origins, ',');
   http.allowed_hosts = Split(options.allowed_hosts, ',');
+  http.base_path = options.base_path;
+  http.trusted_proxies = Split(options.trusted_proxies, ',');
   const std::size_t colon = options.listen.rfind(':');
   const auto port =
       NumberOf<std::uint16_t>(colon == std::string::npos ? "" : options.listen.substr(colon + 1));

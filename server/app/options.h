@@ -63,6 +63,9 @@ struct ServerOptions {
   std::string cors_origins;   // "https://a.example,https://b.example", "*"; empty = none
   std::string allowed_hosts;  // "images.example,shop.example", "*"; empty = own names only
 
+  std::string base_path;        // "/pliant": behind a proxy that serves Pliant there; empty = none
+  std::string trusted_proxies;  // "127.0.0.1,10.0.0.0/8", see TrustedProxies; empty = none
+
   std::string fetch_hosts;  // for image_url, see FetchHosts; empty = none
   int fetch_timeout_s = 10;
   bool fetch_private = false;  // also if they have private addresses

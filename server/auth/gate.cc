@@ -16,23 +16,30 @@ double RateLimiter::TokensOf(const Bucket& bucket, Clock::time_point now) const 
   return std::min(burst_, bucket.tokens + rate_ * since.count());
 }
 
-int RateLimiter::Take(const std::string& who, Clock::time_point now) {
-  if (rate_ <= 0) return 0;
+RateLimiter::Taken RateLimiter::Take(const std::string& who, Clock::time_point now) {
+  if (rate_ <= 0) return {};
   const std::lock_guard lock(mutex_);
   if (buckets_.size() >= kMaxBuckets && !buckets_.contains(who)) {
     // A full bucket equals none.
     std::erase_if(buckets_,
                   [&](const auto& entry) { return TokensOf(entry.second, now) >= burst_; });
-    if (buckets_.size() >= kMaxBuckets) return 1;  // too many callers at once
+    if (buckets_.size() >= kMaxBuckets) return {.wait_s = 1, .reset_s = 1};  // too many callers
   }
   Bucket& bucket = buckets_.try_emplace(who, Bucket{burst_, now}).first->second;
   bucket.tokens = TokensOf(bucket, now);
   bucket.filled = now;
+  const auto seconds_to = [&](double tokens) {
+    return static_cast<int>(std::ceil((tokens - bucket.tokens) / rate_));
+  };
+  Taken taken;
   if (bucket.tokens >= 1) {
     bucket.tokens -= 1;
-    return 0;
+  } else {
+    taken.wait_s = std::max(1, seconds_to(1));
   }
-  return std::max(1, static_cast<int>(std::ceil((1 - bucket.tokens) / rate_)));
+  taken.remaining = static_cast<int>(bucket.tokens);
+  taken.reset_s = seconds_to(burst_);
+  return taken;
 }
 
 void Gate::Admit(const Route& route, Request& request) {
@@ -55,10 +62,14 @@ void Gate::Admit(const Route& route, Request& request) {
   } else {
     request.caller = {.scope = Scope::kAdmin};
   }
-  const int wait_s = limiter_.Take(open ? request.remote_address : request.caller.key_id);
-  if (wait_s > 0) {
+  if (limit_ == 0) return;
+  const auto taken = limiter_.Take(open ? request.remote_address : request.caller.key_id);
+  request.answer_headers = {{"RateLimit-Limit", std::to_string(limit_)},
+                            {"RateLimit-Remaining", std::to_string(taken.remaining)},
+                            {"RateLimit-Reset", std::to_string(taken.reset_s)}};
+  if (taken.wait_s > 0) {
     throw ProblemError("rate_limited", "Too many requests. Try again shortly.",
-                       {.retry_after_s = wait_s});
+                       {.retry_after_s = taken.wait_s});
   }
 }
 

@@ -23,9 +23,13 @@ class RateLimiter {
   // `rate` 0 = no limit; `burst` at least 1.
   RateLimiter(double rate, double burst) : rate_(rate), burst_(burst) {}
 
-  // Takes one token of `who` and returns 0; without a token returns the whole seconds (at least 1)
-  // until there is one.
-  int Take(const std::string& who, Clock::time_point now = Clock::now());
+  struct Taken {
+    int wait_s = 0;     // until there is a token, at least 1; 0 = one was taken
+    int remaining = 0;  // tokens
+    int reset_s = 0;    // until all tokens are there
+  };
+  // Takes one token of `who`.
+  Taken Take(const std::string& who, Clock::time_point now = Clock::now());
 
  private:
   struct Bucket {
@@ -45,15 +49,20 @@ class Gate {
  public:
   // `open_without_keys`: allows all requests until a key is created.
   Gate(KeyRing& keys, double rate, double burst, bool open_without_keys)
-      : keys_(keys), limiter_(rate, burst), open_without_keys_(open_without_keys) {}
+      : keys_(keys),
+        limiter_(rate, burst),
+        limit_(rate > 0 ? static_cast<int>(burst) : 0),
+        open_without_keys_(open_without_keys) {}
 
-  // Sets request.caller. Throws ProblemError "unauthorized" without a valid key where one is
-  // required, "forbidden" when its scope does not include the route's, "rate_limited".
+  // Sets request.caller, and request.answer_headers where a rate limit applies. Throws ProblemError
+  // "unauthorized" without a valid key where one is required, "forbidden" when its scope does not
+  // include the route's, "rate_limited".
   void Admit(const Route& route, Request& request);
 
  private:
   KeyRing& keys_;
   RateLimiter limiter_;
+  const int limit_;  // 0 = none
   const bool open_without_keys_;
 };
 

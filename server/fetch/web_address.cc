@@ -16,27 +16,23 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/strings.h"
 #include "index/files/text.h"
+#include "server/http/network.h"
 
 namespace pliant::server {
 
 namespace {
 
 using Kind = AddressKind;
-// The bytes of an IPv6 address; of an IPv4 address as mapped into IPv6 (RFC 4291, 2.5.5.2).
-using Bytes16 = std::array<std::uint8_t, 16>;
 
-constexpr Bytes16 kMapped = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
-constexpr Bytes16 kNat64 = {0, 0x64, 0xff, 0x9b};
-constexpr int kBitsBeforeIp4 = 96;
+constexpr IpNetwork kNat64 = {{0, 0x64, 0xff, 0x9b}, kBitsBeforeIp4};
 
 struct Network {
-  Bytes16 base;
-  int bits;
+  IpNetwork network;
   Kind kind;
 };
 
 constexpr Network Ip4(std::uint8_t a, std::uint8_t b, std::uint8_t c, int bits, Kind kind) {
-  return {{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff, a, b, c}, kBitsBeforeIp4 + bits, kind};
+  return {{{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff, a, b, c}, kBitsBeforeIp4 + bits}, kind};
 }
 
 // The first that contains an address counts; all others are kNever.
@@ -57,31 +53,24 @@ constexpr Network kNetworks[] = {
     Ip4(224, 0, 0, 4, Kind::kNever),       // multicast
     Ip4(240, 0, 0, 4, Kind::kNever),       // reserved, and broadcast
     Ip4(0, 0, 0, 0, Kind::kPublic),
-    {{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}, 128, Kind::kPrivate},  // loopback
-    {{0xfc}, 7, Kind::kPrivate},                                              // unique local
-    {{0x20, 0x01, 0x00}, 23, Kind::kNever},        // of protocols: Teredo, ORCHID
-    {{0x20, 0x01, 0x0d, 0xb8}, 32, Kind::kNever},  // of documents
-    {{0x20, 0x02}, 16, Kind::kNever},              // 6to4: leads to an IPv4 address
-    {{0x3f, 0xff, 0x00}, 20, Kind::kNever},        // of documents
-    {{0x20}, 3, Kind::kPublic},
+    {{{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}, 128}, Kind::kPrivate},  // loopback
+    {{{0xfc}, 7}, Kind::kPrivate},                                              // unique local
+    {{{0x20, 0x01, 0x00}, 23}, Kind::kNever},        // of protocols: Teredo, ORCHID
+    {{{0x20, 0x01, 0x0d, 0xb8}, 32}, Kind::kNever},  // of documents
+    {{{0x20, 0x02}, 16}, Kind::kNever},              // 6to4: leads to an IPv4 address
+    {{{0x3f, 0xff, 0x00}, 20}, Kind::kNever},        // of documents
+    {{{0x20}, 3}, Kind::kPublic},
 };
 
-bool Contains(const Bytes16& base, int bits, const Bytes16& address) {
-  const int whole = bits / 8;
-  const int mask = 0xff00 >> bits % 8 & 0xff;  // of the byte that a network has a part of
-  return std::equal(base.begin(), base.begin() + whole, address.begin()) &&
-         (mask == 0 || (address[whole] & mask) == (base[whole] & mask));
-}
-
-Kind KindOfBytes(const Bytes16& address) {
-  if (Contains(kNat64, kBitsBeforeIp4, address)) {
-    Bytes16 mapped = kMapped;
+Kind KindOfBytes(const IpAddress& address) {
+  if (kNat64.Contains(address)) {
+    IpAddress mapped = kMappedIp4;
     std::copy(address.begin() + kBitsBeforeIp4 / 8, address.end(),
               mapped.begin() + kBitsBeforeIp4 / 8);
     return KindOfBytes(mapped) == Kind::kPublic ? Kind::kPublic : Kind::kNever;
   }
   for (const Network& network : kNetworks) {
-    if (Contains(network.base, network.bits, address)) return network.kind;
+    if (network.network.Contains(address)) return network.kind;
   }
   return Kind::kNever;
 }
@@ -122,7 +111,7 @@ std::string CanonicalHost(std::string host) {
 }
 
 AddressKind KindOf(const sockaddr* address) {
-  Bytes16 bytes = kMapped;
+  IpAddress bytes = kMappedIp4;
   if (address->sa_family == AF_INET) {
     sockaddr_in v4{};
     std::memcpy(&v4, address, sizeof v4);

@@ -47,7 +47,8 @@ Connection::Connection(ConnectionContext& context, int socket_fd, const TlsConte
     : context_(context),
       options_(context.sessions.options),
       socket_(socket_fd, tls),
-      address_(socket_.PeerAddress()),
+      peer_(socket_.PeerAddress()),
+      address_(peer_),
       reader_(options_.max_header_bytes, options_.max_body_bytes, &context.budget) {}
 
 void Connection::Start() {
@@ -178,8 +179,12 @@ bool Connection::ReceiveHead() {
     if (reader_.ReadHead()) break;
     if (!Receive()) return false;
   }
-  session_ = std::make_shared<Session>(context_.sessions, reader_.head(), address_, begun_,
+  session_ = std::make_shared<Session>(context_.sessions, reader_.head(), peer_, begun_,
                                        served_ + 1 >= kMostRequestsPerConnection);
+  address_ = session_->client();
+  if (address_ != peer_ && !context_.has_room(*this)) {
+    throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
+  }
   if (!session_->takes_body_first()) return Serve();
   Enter(Phase::kBody);
   return true;
@@ -248,7 +253,7 @@ bool Connection::AwaitEvent() {
 bool Connection::Refuse(const ProblemError& error) {
   if (phase_ == Phase::kIdle) begun_ = Clock::now();
   if (!session_) {
-    session_ = std::make_shared<Session>(context_.sessions, reader_.head(), address_, begun_, true);
+    session_ = std::make_shared<Session>(context_.sessions, reader_.head(), peer_, begun_, true);
   }
   session_->Refuse(error.problem(), reader_.body_bytes());
   return SendAnswer();
@@ -267,6 +272,7 @@ bool Connection::SendAnswer() {
   answer_ = session_->TakeAnswer();
   sent_ = file_sent_ = 0;
   session_.reset();
+  address_ = peer_;
   reader_.Forget();
   ++served_;
   Enter(Phase::kSending);

@@ -52,6 +52,8 @@ class Connection;
 struct ConnectionContext {
   SessionContext sessions;
   std::function<void(const std::shared_ptr<Connection>&)> on_close;  // on the loop's thread
+  // Whether its address can have one more connection; on the loop's thread.
+  std::function<bool(const Connection&)> has_room;
   MemoryBudget budget{sessions.options.max_inflight_bytes};
   EventLoop loop{};  // outlives the workers, which post to it
   Workers requests{sessions.options.threads, sessions.options.connection_queue};
@@ -67,6 +69,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   // Owns the socket. `tls` can be null.
   Connection(ConnectionContext& context, int socket_fd, const TlsContext* tls);
 
+  // Of the client; of a trusted proxy's connection, of the client whose request is being served.
   const std::string& address() const { return address_; }
   void Start();
   // Instead of Start(): answers "busy" without reading a request. Under TLS there is no answer.
@@ -112,7 +115,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   ConnectionContext& context_;
   const HttpOptions& options_;
   Socket socket_;
-  const std::string address_;
+  const std::string peer_;
+  std::string address_;
 
   Phase phase_ = Phase::kIdle;
   Clock::time_point last_deadline_;  // of the whole body or answer

@@ -43,7 +43,8 @@ class HttpServer::Impl final : public httplib::Server {
  public:
   Impl(const Router& router, HttpOptions options)
       : context_{.sessions = {.options = std::move(options), .router = router},
-                 .on_close = [this](const auto& connection) { OnClose(connection); }} {
+                 .on_close = [this](const auto& connection) { OnClose(connection); },
+                 .has_room = [this](const auto& connection) { return HasRoom(connection); }} {
     if (!options_.tls_certificate.empty()) {
       tls_ = std::make_unique<TlsContext>(options_.tls_certificate, options_.tls_key);
     }
@@ -110,14 +111,8 @@ class HttpServer::Impl final : public httplib::Server {
   }
 
   void Begin(const std::shared_ptr<Connection>& connection) {
-    const auto of_address = [&] {
-      return std::count_if(connections_.begin(), connections_.end(), [&](const auto& other) {
-        return other->address() == connection->address();
-      });
-    };
-    const int most = options_.connections_per_address;
     if (connections_.size() >= static_cast<std::size_t>(options_.max_connections) ||
-        (most > 0 && of_address() >= most)) {
+        !HasRoom(*connection)) {
       return connection->TurnAway();
     }
     {
@@ -125,6 +120,15 @@ class HttpServer::Impl final : public httplib::Server {
       connections_.insert(connection);
     }
     connection->Start();
+  }
+
+  // A proxy's connections count for its clients.
+  bool HasRoom(const Connection& connection) const {
+    const int most = options_.connections_per_address;
+    if (most == 0 || context_.sessions.proxies.Contain(connection.address())) return true;
+    return std::count_if(connections_.begin(), connections_.end(), [&](const auto& other) {
+             return other.get() != &connection && other->address() == connection.address();
+           }) < most;
   }
 
   void OnClose(const std::shared_ptr<Connection>& connection) {

@@ -52,6 +52,8 @@ struct HttpOptions {
   std::vector<std::string> allowed_origins;
   // The server's host names, in addition to those of AllowedHosts; "*" = any.
   std::vector<std::string> allowed_hosts;
+  std::string base_path;  // "/pliant" = clients see the paths of the routes below it; empty = none
+  std::vector<std::string> trusted_proxies;  // see TrustedProxies
   // Called after the headers of a request, before its body is read; throws to refuse it.
   std::function<void(const Route&, Request&)> admit;
   std::function<void(const RequestRecord&)> on_request;

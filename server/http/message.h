@@ -77,7 +77,7 @@ struct Part {
   std::string name;
   std::string filename;      // empty for a text field
   std::string content_type;  // as sent; may be empty
-  std::string content;
+  std::string_view content;  // inside Request::body
 };
 
 enum class BodyFraming { kNone, kLength, kChunked };
@@ -96,11 +96,14 @@ struct Request {
   std::vector<std::string> segments;  // of the path, percent-decoded
   std::map<std::string, std::string> captures;  // {name} of the route's pattern
   std::multimap<std::string, std::string> query;
-  std::string remote_address;
-  Caller caller;  // empty for a public route
+  std::string remote_address;  // of the client, also behind a trusted proxy
+  std::string base_path;  // before the paths of the routes, for the client: "/pliant"; "" = none
+  bool is_https = false;  // between the client and the first server
+  Caller caller;          // empty for a public route
+  std::vector<std::pair<std::string, std::string>> answer_headers;  // of any answer to it
 
   std::string content_type;  // media type of the body in lower case, without parameters
-  std::string body;          // empty when multipart
+  std::string body;
   std::vector<Part> parts;
   std::shared_ptr<BodySink> received = {};  // has the body, where the route receives it by itself
   bool has_body = false;

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "descriptor/base/strings.h"
+#include "server/http/network.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -16,9 +17,9 @@ namespace pliant::server {
 namespace {
 
 bool IsAddress(int family, const std::string& text) {
-  std::array<unsigned char, sizeof(in6_addr)> address{};
-  const bool whole = text.find('\0') == std::string::npos;  // inet_pton() reads up to a zero
-  return whole && inet_pton(family, text.c_str(), address.data()) == 1;
+  const bool is_ip4 = text.find(':') == std::string::npos;
+  return is_ip4 == (family == AF_INET) && text.find('%') == std::string::npos &&
+         IpAddressOf(text).has_value();
 }
 
 // DNS names have no case, and a final dot says only that they are complete (RFC 1034, 3.1).
@@ -81,7 +82,8 @@ void OriginPolicy::CheckSameSite(const Request& request) const {
   if (request.method == "GET") return;
   const std::string site = request.header("Sec-Fetch-Site");
   const std::string origin = request.header("Origin");
-  if (Allows(origin)) return;
+  // A browser that says so itself knows better than a Host header, which a proxy can change.
+  if (Allows(origin) || site == "same-origin") return;
   const bool same_origin = origin.empty() || origin == "http://" + request.header("Host") ||
                            origin == "https://" + request.header("Host");
   if (site == "cross-site" || site == "same-site" || !same_origin) {
@@ -98,9 +100,10 @@ std::vector<std::pair<std::string, std::string>> OriginPolicy::Headers(
   headers.emplace_back("Cross-Origin-Resource-Policy", allowed ? "cross-origin" : "same-origin");
   if (!allowed) return headers;
   headers.emplace_back("Access-Control-Allow-Origin", origin);
-  headers.emplace_back("Access-Control-Expose-Headers",
-                       "Content-Range, ETag, Idempotency-Replayed, Location, Retry-After, "
-                       "X-Request-Id");
+  headers.emplace_back(
+      "Access-Control-Expose-Headers",
+      "Content-Range, ETag, Idempotency-Replayed, Link, Location, RateLimit-Limit, "
+      "RateLimit-Remaining, RateLimit-Reset, Retry-After, X-Request-Id");
   return headers;
 }
 

@@ -10,6 +10,7 @@
 
 #include "descriptor/base/strings.h"
 #include "index/files/text.h"
+#include "index/usage/usage.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -20,59 +21,6 @@ using Type = Parameter::Type;
 
 constexpr std::size_t kShownNameBytes = 64;
 constexpr std::size_t kMostFieldBytes = 64 * 1024;  // of a part that is not an image
-constexpr std::size_t kMostBoundaryBytes = 70;      // RFC 2046, section 5.1.1
-
-// A parameter of a field such as Content-Type, without its quotes; empty = there is none.
-std::string FieldParameter(std::string_view field, std::string_view name) {
-  std::size_t at = field.find(';');
-  while (at != std::string_view::npos) {
-    const std::size_t equals = field.find('=', at);
-    if (equals == std::string_view::npos) break;
-    const std::string_view found = Trimmed(field.substr(at + 1, equals - at - 1));
-    const bool quoted = field.substr(equals + 1, 1) == "\"";
-    const std::size_t begin = equals + (quoted ? 2 : 1);
-    std::size_t end = field.find(quoted ? '"' : ';', begin);
-    while (quoted && end != std::string_view::npos && field[end - 1] == '\\') {
-      end = field.find('"', end + 1);
-    }
-    const std::string_view value = field.substr(begin, end - begin);
-    if (EqualsIgnoringCase(found, name)) return std::string(quoted ? value : Trimmed(value));
-    at = field.find(';', end);
-  }
-  return {};
-}
-
-[[noreturn]] void ThrowDamaged() {
-  throw ProblemError("bad_request", "The multipart/form-data body is damaged or incomplete.");
-}
-
-// Takes what is before `mark` off the text, and the mark.
-std::string_view TakeUpTo(std::string_view& text, std::string_view mark) {
-  const std::size_t end = text.find(mark);
-  if (end == std::string_view::npos) ThrowDamaged();
-  const std::string_view taken = text.substr(0, end);
-  text.remove_prefix(end + mark.size());
-  return taken;
-}
-
-// Takes the headers of a part, and their empty line, off the text.
-Part TakeHeaders(std::string_view& text) {
-  Part part;
-  bool is_form_data = false;
-  for (auto line = TakeUpTo(text, "\r\n"); !line.empty(); line = TakeUpTo(text, "\r\n")) {
-    const std::size_t colon = line.find(':');
-    if (colon == std::string_view::npos) ThrowDamaged();
-    const std::string name = Lower(Trimmed(line.substr(0, colon)));
-    const std::string_view value = Trimmed(line.substr(colon + 1));
-    if (name == "content-type") part.content_type = value;
-    if (name != "content-disposition") continue;
-    is_form_data = Lower(value.substr(0, value.find(';'))) == "form-data";
-    part.name = FieldParameter(value, "name");
-    part.filename = FieldParameter(value, "filename");
-  }
-  if (!is_form_data) ThrowDamaged();
-  return part;
-}
 
 const Parameter* FindSpec(const Route& route, const std::string& name) {
   const auto it = std::find_if(route.parameters.begin(), route.parameters.end(),
@@ -183,41 +131,10 @@ std::string WantedOf(const Parameter& spec, const Json& value) {
 
 }  // namespace
 
-std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view body,
-                                 std::size_t most_parts) {
-  const std::string boundary = FieldParameter(content_type, "boundary");
-  const std::string delimiter = "\r\n--" + boundary;
-  const std::string first = delimiter.substr(2);
-  if (boundary.empty() || boundary.size() > kMostBoundaryBytes || !body.starts_with(first)) {
-    ThrowDamaged();
-  }
-  body.remove_prefix(first.size());
-  std::vector<Part> parts;
-  while (!body.starts_with("--")) {  // what comes after the last delimiter means nothing
-    if (!Trimmed(TakeUpTo(body, "\r\n")).empty()) ThrowDamaged();
-    if (parts.size() == most_parts) {
-      throw ProblemError("bad_request",
-                         fmt::format("The form has more than {} parts.", most_parts));
-    }
-    Part part = TakeHeaders(body);
-    const std::string_view content = TakeUpTo(body, delimiter);
-    if (part.name != kImagePart && content.size() > kMostFieldBytes) {
-      throw ProblemError(
-          "body_too_large",
-          fmt::format("The form field \"{}\" has more than {} bytes. Send an image as \"image\".",
-                      ToDisplayText(part.name.substr(0, 64)), kMostFieldBytes));
-    }
-    part.content = content;
-    parts.push_back(std::move(part));
-  }
-  if (parts.empty()) ThrowDamaged();
-  return parts;
-}
-
 Parameters::Parameters(const Route& route, const Request& request) : route_(route) {
   for (const auto& [name, value] : request.query) InsertText(name, value);
   for (const Part& part : request.parts) {
-    if (part.name != kImagePart) InsertText(part.name, part.content);
+    if (part.name != kImagePart) InsertPart(part);
   }
   // A merge patch is the handler's: in it null means something, and types do.
   if (request.content_type == "application/json" && !request.body.empty() &&
@@ -241,21 +158,42 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   }
 }
 
-const Parameter& Parameters::Known(const std::string& name) const {
+const Parameter& Parameters::Known(const std::string& name, bool is_file) const {
   if (const Parameter* spec = FindSpec(route_, name)) return *spec;
   std::vector<std::string> known;
+  const bool takes_images = route_.body == BodyKind::kImageOrJson || route_.body == BodyKind::kPair;
+  if (takes_images) known.emplace_back(kImagePart);
   for (const Parameter& parameter : route_.parameters) known.push_back(parameter.name);
-  const std::string shown = name.substr(0, kShownNameBytes);
+  const std::string shown = Shown(name, kShownNameBytes);
+  const std::string meant =
+      is_file && takes_images ? "; did you mean the part \"image\"?" : cli::DidYouMean(name, known);
   throw ProblemError(
       "unknown_parameter",
-      fmt::format("Unknown parameter \"{}\". This route takes {}.", shown,
+      fmt::format("Unknown parameter \"{}\"{} This route takes {}.", shown,
+                  meant.empty() ? "." : meant,
                   known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", "))),
       {.parameter = shown});
 }
 
+void Parameters::InsertPart(const Part& part) {
+  const bool is_file = !part.filename.empty() || part.content_type.starts_with("image/") ||
+                       part.content.size() > kMostFieldBytes;
+  (void)Known(part.name, is_file);
+  if (part.content.size() > kMostFieldBytes) {
+    throw ProblemError(
+        "body_too_large",
+        fmt::format("{} has more than {} bytes. Send an image as the part \"image\".", part.name,
+                    kMostFieldBytes),
+        {.parameter = part.name});
+  }
+  InsertText(part.name, std::string(part.content));
+}
+
 void Parameters::InsertText(const std::string& name, const std::string& text) {
   const Parameter& spec = Known(name);
-  if (!IsValidUtf8(text)) ThrowInvalid(name, name + " must be valid UTF-8.");
+  if (!IsValidUtf8(text)) {
+    ThrowInvalid(name, name + " must be valid UTF-8, not " + Shown(text, kShownNameBytes) + ".");
+  }
   Insert(spec, ValueOf(spec, text));
 }
 

@@ -21,11 +21,6 @@ namespace pliant::server {
 
 inline constexpr const char* kImagePart = "image";  // the parts of that name are images
 
-// The parts of a whole body. Throws ProblemError "bad_request" for a damaged body or more than
-// `most_parts` parts, "body_too_large" for a long part that is not an image.
-std::vector<Part> ParseMultipart(std::string_view content_type, std::string_view body,
-                                 std::size_t most_parts);
-
 // An image in JSON: either base64, or an address to fetch it from.
 struct ImageText {
   std::optional<std::string> base64 = {};
@@ -70,7 +65,9 @@ class Parameters {
   }
 
  private:
-  const Parameter& Known(const std::string& name) const;  // throws "unknown_parameter"
+  // Throws "unknown_parameter". `is_file`: a file of a form has that name.
+  const Parameter& Known(const std::string& name, bool is_file = false) const;
+  void InsertPart(const Part& part);
   void InsertText(const std::string& name, const std::string& text);
   void Insert(const Parameter& spec, Json value);
   const Parameter& Spec(const std::string& name) const;

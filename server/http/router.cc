@@ -48,6 +48,20 @@ std::string DecodeSegment(std::string_view text) {
   return decoded;
 }
 
+// A body whose bytes must tell what it is: curl calls it a form, or nothing.
+bool IsUnnamed(const Route& route, const Request& request) {
+  const std::string& type = request.content_type;
+  return route.body == BodyKind::kImageOrJson &&
+         (type.empty() || type == "application/x-www-form-urlencoded");
+}
+
+[[noreturn]] void ThrowUnsupported(const Route& route, const std::string& type) {
+  throw ProblemError(
+      "unsupported_content_type",
+      fmt::format("This route does not accept Content-Type {}. Send {}.",
+                  type.empty() ? "(none)" : type, fmt::join(TypesOf(route.body), " or ")));
+}
+
 }  // namespace
 
 std::vector<std::string> TypesOf(BodyKind body) {
@@ -134,10 +148,16 @@ void CheckContentType(const Route& route, const Request& request) {
     return type == one || (one == kImageTypes && type.starts_with("image/")) ||
            (one == kNdjsonType && IsNdjsonType(type));
   });
-  if (fits) return;
-  throw ProblemError("unsupported_content_type",
-                     fmt::format("This route does not accept Content-Type {}. Send {}.",
-                                 type.empty() ? "(none)" : type, fmt::join(accepted, " or ")));
+  if (!fits && !IsUnnamed(route, request)) ThrowUnsupported(route, type);
+}
+
+void NameContentType(const Route& route, Request& request) {
+  constexpr std::size_t kLookedAtBytes = 64;
+  if (!IsUnnamed(route, request)) return;
+  const std::string_view begin = std::string_view(request.body).substr(0, kLookedAtBytes);
+  const bool is_text = !begin.empty() && !HasControlCharacter(Trimmed(begin)) && IsValidUtf8(begin);
+  if (is_text && !Trimmed(begin).starts_with('{')) ThrowUnsupported(route, request.content_type);
+  request.content_type = is_text ? "application/json" : kFileType;
 }
 
 }  // namespace pliant::server

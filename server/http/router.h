@@ -162,7 +162,11 @@ std::vector<std::string> SplitPath(std::string_view path);
 // Inverse for one segment: everything but RFC 3986's unreserved characters becomes %XX.
 std::string EncodeSegment(std::string_view text);
 
-// Throws ProblemError "unsupported_content_type" for a body that the route does not take.
+// Throws ProblemError "unsupported_content_type" for a body that the route does not take. curl and
+// others send an image without a type or as that of a form: such a body is looked at later.
 void CheckContentType(const Route& route, const Request& request);
+// Gives such a body, which must be whole, the type of its bytes: JSON, or a file. Throws the same
+// for other text.
+void NameContentType(const Route& route, Request& request);
 
 }  // namespace pliant::server

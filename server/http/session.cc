@@ -5,13 +5,13 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <httplib.h>
 
 #include "descriptor/base/hex.h"
 #include "descriptor/base/strings.h"
 #include "index/files/text.h"
 #include "server/http/body_file.h"
 #include "server/http/conditions.h"
+#include "server/http/form.h"
 #include "server/http/parameters.h"
 
 namespace pliant::server {
@@ -27,6 +27,31 @@ constexpr int kWaitingShare = 2;
 
 bool IsRequestId(const std::string& id) {
   return !id.empty() && id.size() <= 64 && IsNameOf(id, "-_.");
+}
+
+// A client of a proxy sends the whole address, whose host counts (RFC 9112, section 3.2.2).
+void TakeAbsoluteForm(Request& request) {
+  for (const std::string_view scheme : {"http://", "https://"}) {
+    if (!EqualsIgnoringCase(std::string_view(request.target).substr(0, scheme.size()), scheme)) {
+      continue;
+    }
+    const std::size_t end =
+        std::min(request.target.find_first_of("/?", scheme.size()), request.target.size());
+    if (request.headers.count("Host") == 1) {
+      request.headers.find("Host")->second =
+          request.target.substr(scheme.size(), end - scheme.size());
+    }
+    request.target.erase(0, end);
+    if (!request.target.starts_with('/')) request.target.insert(0, "/");
+    return;
+  }
+}
+
+// Of a path below the base; others stay, because a proxy can have taken the base off.
+std::string WithoutBase(std::string path, const std::string& base) {
+  const bool is_below =
+      path.starts_with(base) && (path.size() == base.size() || path[base.size()] == '/');
+  return is_below ? path.substr(base.size()) : path;
 }
 
 std::string Printable(std::string_view text) {
@@ -47,11 +72,16 @@ Session::Session(SessionContext& context, Request head, const std::string& remot
     request_.method = "GET";
     request_.headers.erase("Range");  // RFC 9110, section 14.2
   }
+  request_.remote_address = remote_address;
+  request_.is_https = !context.options.tls_certificate.empty();
+  request_.base_path = context.options.base_path;
+  context.proxies.Apply(request_);
+  record_.remote_address = request_.remote_address;
+  TakeAbsoluteForm(request_);
   const std::size_t mark = std::min(request_.target.find('?'), request_.target.size());
-  request_.path = request_.target.substr(0, mark);
-  httplib::detail::parse_query_text(request_.target.substr(mark).erase(0, 1), request_.query);
+  request_.path = WithoutBase(request_.target.substr(0, mark), request_.base_path);
+  request_.query = ParseQuery(request_.target.substr(std::min(mark + 1, request_.target.size())));
   request_.has_body = request_.framing != BodyFraming::kNone;
-  request_.remote_address = record_.remote_address = remote_address;
   const std::string type = request_.header("Content-Type");
   request_.content_type = Lower(Trimmed(type.substr(0, type.find(';'))));
   const std::string id = request_.header("X-Request-Id");
@@ -100,8 +130,8 @@ Session::Next Session::Serve() {
     AnswerProblem(problem);
   }
   request_.received.reset();  // on this thread: a sink can have files to remove
-  request_.body = {};
   request_.parts.clear();
+  request_.body = {};
   return Next::kAnswer;
 }
 
@@ -126,6 +156,9 @@ std::optional<Response> Session::Check() {
   }
   if (request_.path.size() > kMostPathBytes || request_.target.size() > kMostTargetBytes) {
     throw ProblemError("uri_too_long", "The address is too long.");
+  }
+  if (request_.path.empty() && !request_.base_path.empty()) {  // the page is in a folder
+    return Response{.status = 308, .headers = {{"Location", "/"}}};
   }
   request_.segments = SplitPath(request_.path);
   if (context_.origins.IsPreflight(request_)) {
@@ -171,9 +204,9 @@ void Session::Admit() {
 }
 
 Session::Next Session::RunHandler() {
+  if (request_.has_body && !request_.received) NameContentType(*route_, request_);
   if (!request_.received && request_.has_body && request_.is_multipart()) {
-    request_.parts = ParseMultipart(request_.header("Content-Type"),
-                                    std::exchange(request_.body, {}), kMostParts);
+    request_.parts = ParseForm(request_.header("Content-Type"), request_.body, kMostParts);
   }
   const Parameters parameters(*route_, request_);
   Response response = route_->handler(request_, parameters);
@@ -244,15 +277,22 @@ std::string Session::HeadOf(const Response& response, std::uint64_t bytes) const
   if (response.status != 204 && response.status != 304) {
     add("Content-Length", std::to_string(bytes));
   }
-  for (const auto& [name, value] : response.headers) add(name, value);
+  for (const auto& [name, value] : response.headers) {
+    const bool is_link = name == "Link" && value.starts_with("</");
+    const bool is_place =
+        (name == "Location" || name == "Content-Location") && value.starts_with('/');
+    add(name, is_link    ? "<" + request_.base_path + value.substr(1)
+              : is_place ? request_.base_path + value
+                         : value);
+  }
+  for (const auto& [name, value] : request_.answer_headers) add(name, value);
   add("X-Request-Id", request_.id);
   // No answer is meant to be run, framed or loaded by pages of other sites; the page sets rules of
   // its own.
   add("X-Content-Type-Options", "nosniff");
   add_default("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'");
   add_default("Referrer-Policy", "no-referrer");
-  if (!context_.options.tls_certificate.empty())
-    add("Strict-Transport-Security", "max-age=31536000");
+  if (request_.is_https) add("Strict-Transport-Security", "max-age=31536000");
   for (const auto& [name, value] : context_.origins.Headers(request_)) add(name, value);
   if (!answer_.keeps_open) {
     add("Connection", "close");

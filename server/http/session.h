@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "server/http/compression.h"
+#include "server/http/forwarded.h"
 #include "server/http/http_server.h"
 #include "server/http/origin_policy.h"
 #include "server/http/request_reader.h"
@@ -54,6 +55,7 @@ struct SessionContext {
   const Router& router;
   const OriginPolicy origins{options.allowed_origins};
   const AllowedHosts allowed_hosts{options.host, options.allowed_hosts};
+  const TrustedProxies proxies{options.trusted_proxies};
   std::atomic<bool> stopping{false};
   std::atomic<int> waiting{0};  // requests that wait for an event (Wait)
   AdmittedKeys admitted = {};
@@ -81,6 +83,8 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
+  // The address of the client, also behind a trusted proxy.
+  const std::string& client() const { return request_.remote_address; }
   bool asks_for_health() const;
   bool expects_continue() const;
   // Whether the body can be received before Serve(): that spares two hand-overs. Not if the client

@@ -167,7 +167,8 @@ constexpr const char* kSchemas = R"json({
   "Me": {"keys_required": "boolean: false: anyone can do everything",
     "scopes": "Scope[]: what the caller can do",
     "key": "CallerKey|null: null if the server requires no key",
-    "image_url": "boolean: whether the server fetches images from some hosts"},
+    "image_url": "boolean: whether the server fetches images from some hosts",
+    "backups": "boolean: whether the server has a directory for backups"},
   "Scope": "'read'|'write'|'admin'",
   "CallerKey": {"id": "string: public, as in the log", "name": "string", "scope": "Scope"},
   "ApiKey": {"id": "string: public, as in the log", "name": "string", "scope": "Scope",
@@ -196,7 +197,7 @@ constexpr const char* kSchemas = R"json({
     "skipped[]?": {"": "the first 100 skipped items", "item": "string", "code": "string",
       "reason": "string"},
     "result?": "string: address of the result", "problem?": "ProblemSummary"},
-  "JobList": {"jobs": "Job[]"},
+  "JobList": {"jobs": "Job[]", "next": "string|null: cursor of the next page"},
   "JobItems": {
     "items[]": {"index": "integer: from 0, in the order of the body",
       "source": "string: the file name, or the line's number",

@@ -48,9 +48,10 @@ Response ImportFolder(Service& service, const Request& request, const Parameters
 Response GetDemonstration(Service& service, const Request& request, const Parameters&) {
   Json objects = Json::array();
   for (const DemonstrationObject& object : kDemonstrationObjects) {
-    objects.push_back({{"object", object.name},
-                       {"image_id", object.id()},
-                       {"crumpled", std::string("/assets/demo/") + object.file + "-crumpled.jpg"}});
+    objects.push_back(
+        {{"object", object.name},
+         {"image_id", object.id()},
+         {"crumpled", request.base_path + "/assets/demo/" + object.file + "-crumpled.jpg"}});
   }
   const bool loaded = HasDemonstration(service.engine(), CollectionOf(service, request));
   return JsonResponse({{"loaded", loaded}, {"objects", objects}});

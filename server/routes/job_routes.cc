@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Background jobs.
+#include <algorithm>
 #include <chrono>
 
 #include "descriptor/base/strings.h"
@@ -27,12 +28,31 @@ JobStatus JobOf(const JobStore& jobs, const Request& request) {
   return job;
 }
 
-Response List(Service& service, const Request& request, const Parameters&) {
-  Json items = Json::array();
-  for (const JobStatus& job : service.jobs->List()) {
-    if (MaySee(request.caller, job)) items.push_back(JobJson(job));
+// A cursor holds the id of the last job of its page.
+Response List(Service& service, const Request& request, const Parameters& parameters) {
+  const auto state = parameters.Text("state");
+  const auto collection = parameters.Text("collection");
+  const std::string identity =
+      ToText(Json::array({"jobs", state.value_or(""), collection.value_or("")}));
+  const std::string after = AfterFromCursor(parameters, identity);
+  const auto limit = static_cast<std::size_t>(PageLimit(parameters));
+  const std::vector<JobStatus> jobs = service.jobs->List();
+  auto job = jobs.begin();
+  if (!after.empty()) {
+    job = std::find_if(job, jobs.end(), [&](const JobStatus& one) { return one.id == after; });
+    if (job == jobs.end()) ThrowInvalidCursor();
+    ++job;
   }
-  return JsonResponse({{"jobs", items}});
+  Json items = Json::array();
+  std::optional<std::string> next;
+  for (; job != jobs.end() && !next; ++job) {
+    const bool wanted = MaySee(request.caller, *job) &&
+                        (!state || JobStateName(job->state) == *state) &&
+                        (!collection || job->collection == *collection);
+    if (wanted && items.size() == limit) next = items.back()["id"].get<std::string>();
+    if (wanted && !next) items.push_back(JobJson(*job));
+  }
+  return PageResponse(request, {{"jobs", std::move(items)}, {"next", CursorJson(identity, next)}});
 }
 
 // The job as it is, or, with `wait`, as soon as it has ended.
@@ -69,7 +89,7 @@ Response Items(Service& service, const Request& request, const Parameters& param
     Json item = Json::parse(text, nullptr, /*allow_exceptions=*/false);
     if (item.is_object()) items.push_back(std::move(item));
   }
-  return JsonResponse({{"items", std::move(items)}, {"next", CursorJson(identity, next)}});
+  return PageResponse(request, {{"items", std::move(items)}, {"next", CursorJson(identity, next)}});
 }
 
 Response Cancel(Service& service, const Request& request, const Parameters&) {
@@ -82,7 +102,11 @@ Response Cancel(Service& service, const Request& request, const Parameters&) {
 void AddJobRoutes(RouteTable& table) {
   table.Add("GET /v1/jobs", "jobs.list", List)
       .Summary("List background jobs, newest first; only admins see backups and folder imports")
-      .Answers(200, "the jobs", "JobList")
+      .Takes({Parameter("collection", "only jobs of the collection of this name"),
+              Parameter("state", "only jobs in this state")
+                  .Choice({"queued", "running", "done", "failed", "cancelled"}),
+              CursorParameter(), LimitParameter()})
+      .Answers(200, "a page of jobs", "JobList")
       .Example(R"(curl "$PLIANT/v1/jobs")");
   table.Add("GET /v1/jobs/{id}", "jobs.get", Get)
       .Summary("Get the state of a job; with `wait`, wait until the job has ended")

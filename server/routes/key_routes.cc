@@ -88,7 +88,8 @@ Response Me(Service& service, const Request& request, const Parameters&) {
   return JsonResponse({{"keys_required", keys_required},
                        {"scopes", scopes},
                        {"key", key},
-                       {"image_url", service.fetcher.on()}});
+                       {"image_url", service.fetcher.on()},
+                       {"backups", !service.options.backup_dir.empty()}});
 }
 
 }  // namespace
@@ -118,7 +119,7 @@ void AddKeyRoutes(RouteTable& table) {
       .Codes({"key_not_found", "last_admin_key"})
       .Example(R"(curl -X DELETE -H "Authorization: Bearer $ADMIN_KEY" "$PLIANT/v1/keys/$KEY_ID")");
   table.Add("GET /v1/me", "me", Me)
-      .Summary("Get what the caller can do: its scopes, and whether the server fetches images")
+      .Summary("Get what the caller can do: its scopes, and what the server is set up for")
       .Answers(200, "the caller", "Me")
       .Example(R"(curl "$PLIANT/v1/me")")
       .WithoutIndex();

@@ -62,6 +62,19 @@ void ThrowInvalidCursor() {
                      {.parameter = "cursor"});
 }
 
+Response PageResponse(const Request& request, const Json& page) {
+  Response response = JsonResponse(page);
+  if (page.at("next").is_null()) return response;
+  std::string link;
+  for (const std::string& segment : request.segments) link += "/" + EncodeSegment(segment);
+  link += "?cursor=" + page.at("next").get<std::string>();
+  for (const auto& [name, value] : request.query) {
+    if (name != "cursor") link += "&" + EncodeSegment(name) + "=" + EncodeSegment(value);
+  }
+  response.headers.emplace_back("Link", "<" + link + ">; rel=\"next\"");
+  return response;
+}
+
 Parameter FilterParameter() {
   return Parameter("filter", "only images whose metadata match: a JSON object of conditions")
       .Json();

@@ -29,6 +29,9 @@ Json CursorJson(const std::string& list, const std::optional<std::string>& after
 std::string AfterFromCursor(const Parameters& parameters, const std::string& list);
 [[noreturn]] void ThrowInvalidCursor();
 
+// A page of a list whose "next" is a cursor or null, which is also a Link header (RFC 8288).
+Response PageResponse(const Request& request, const Json& page);
+
 Parameter FilterParameter();    // "filter"
 Parameter TextParameter();      // "q"
 Parameter OfObjectParameter();  // "object"
@@ -87,7 +90,7 @@ Response ListAnswer(Service& service, const Request& request, const Parameters& 
     Json json = {{name, std::move(records)}, {"next", CursorJson(identity, page.next)}};
     if (page.total) json["total"] = *page.total;
     if (parameters.has("facets")) json["facets"] = FacetsJson(page.facets);
-    return JsonResponse(json);
+    return PageResponse(request, json);
   } catch (const Error& error) {  // the client made the cursor's position up
     if (error.reason() == "after_invalid") ThrowInvalidCursor();
     throw;

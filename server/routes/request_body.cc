@@ -16,16 +16,15 @@ namespace pliant::server {
 
 namespace {
 
-constexpr std::size_t kMaxFilenameBytes = 255;
+constexpr std::size_t kMostFilenameBytes = 1000;
 
-// The last part of the file name that a client gave; empty if people cannot read it.
+// The last part of the file name that a client gave. Bytes that are not UTF-8 and control
+// characters are escaped, and of a longer name only the first bytes are taken.
 std::string BaseName(const std::string& filename) {
-  std::string name = filename.substr(filename.find_last_of("/\\") + 1);
-  if (HasControlCharacter(name) || name.size() > kMaxFilenameBytes || !IsValidUtf8(name)) return {};
-  return name;
+  return Shown(filename.substr(filename.find_last_of("/\\") + 1), kMostFilenameBytes);
 }
 
-Bytes AsBytes(const std::string& text) {
+Bytes AsBytes(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 

@@ -108,17 +108,24 @@ void AddServerRoutes(RouteTable& table) {
 }
 
 void AddDocumentRoute(RouteTable& table) {
+  const auto document = std::make_shared<Json>();
   const auto answer = std::make_shared<Response>();
   table
       .Add("GET /v1/openapi.json", "openapi",
-           [answer](const Request&, const Parameters&) { return *answer; })
+           [document, answer](const Request& request, const Parameters&) {
+             if (request.base_path.empty()) return *answer;
+             Json moved = *document;
+             moved["servers"][0]["url"] = request.base_path;
+             return TaggedResponse(moved);
+           })
       .Summary("Get this document")
       .Needs(Scope::kPublic)
       .Sends("application/json", "an OpenAPI 3.1 document, with ETag")
       .AnswersNotModified()
       .Example(R"(curl "$PLIANT/v1/openapi.json")")
       .WithoutIndex();
-  *answer = TaggedResponse(OpenApiDocument(table.routes()));  // with this route
+  *document = OpenApiDocument(table.routes());  // with this route
+  *answer = TaggedResponse(*document);
 }
 
 }  // namespace pliant::server

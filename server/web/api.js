@@ -23,7 +23,7 @@ export const setKey = (key) => (key ? sessionStorage.setItem(kKeyName, key) : se
 export const keyHeaders = () => (getKey() ? { Authorization: `Bearer ${getKey()}` } : {});
 
 const kScopes = ["admin", "write", "read"];  // each includes the scopes after it
-let fetches = false;
+let serverHas = {};
 let tell;
 const told = new Promise((done) => { tell = done; });
 
@@ -31,8 +31,8 @@ const told = new Promise((done) => { tell = done; });
 // from others, and shows those with data-only="read" to readers.
 export async function refreshScope() {
   try {
-    const { scopes, image_url: isFetching } = await ask("/v1/me");
-    fetches = isFetching;
+    const { scopes, ...rest } = await ask("v1/me");
+    serverHas = rest;
     document.documentElement.dataset.scope = kScopes.find((scope) => scopes.includes(scope)) ?? "read";
   } finally {
     tell();
@@ -40,14 +40,15 @@ export async function refreshScope() {
 }
 export const isAdmin = () => document.documentElement.dataset.scope === "admin";
 // Whether the server fetches images by their addresses; waits until that is known.
-export const mayFetch = () => told.then(() => fetches);
+export const mayFetch = () => told.then(() => serverHas.image_url);
+export const hasBackups = () => told.then(() => serverHas.backups);
 
-// --- addresses
+// --- addresses, all relative: a proxy can serve the page below any path
 
 let current = "default";
 export const collectionName = () => current;
 export const setCollection = (name) => { current = name; };
-export const address = (rest = "", collection = current) => `/v1/collections/${encodeURIComponent(collection)}${rest}`;
+export const address = (rest = "", collection = current) => `v1/collections/${encodeURIComponent(collection)}${rest}`;
 export const imagePath = (id, what = "", collection = current) => address(`/images/${encodeURIComponent(id)}${what}`, collection);
 export const objectPath = (object, collection = current) => address(`/objects/${encodeURIComponent(object)}`, collection);
 
@@ -99,8 +100,8 @@ export const askJson = (path, method, body) => ask(path, { method, headers: kJso
 export const deletePath = (path) => ask(path, { method: "DELETE" });
 export const blobOf = async (path, options) => (await answerTo(path, options)).blob();
 // A small preview of an image elsewhere, which the server fetches.
-export const previewBlob = (url) => blobOf("/v1/preview", { method: "POST", headers: kJson, body: JSON.stringify({ image_url: url }) });
-export const collections = () => ask("/v1/collections");
+export const previewBlob = (url) => blobOf("v1/preview", { method: "POST", headers: kJson, body: JSON.stringify({ image_url: url }) });
+export const collections = () => ask("v1/collections");
 
 // A record with its ETag. A proxy that compresses makes the ETag weak, and no If-Match would match it.
 export async function record(path) {

@@ -127,7 +127,7 @@ async function refresh() {
   if (byId("view-collection").hidden) return;
   await attempt(byId("collection-status"), async () => {
     const [record, { vocabularies }, { jobs }] = await Promise.all([
-      api.ask(api.address()), api.ask(api.address("/vocabularies")), api.ask("/v1/jobs")]);
+      api.ask(api.address()), api.ask(api.address("/vocabularies")), api.ask("v1/jobs?limit=500")]);
     showFacts(record);
     const { text, due } = recommendation(record);
     byId("recommendation").textContent = text;

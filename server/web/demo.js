@@ -27,7 +27,8 @@ export async function refreshDemonstration() {
 function showExamples(demo) {
   byId("examples").hidden = !demo.loaded;
   if (!demo.loaded || byId("examples-list").children.length) return;
-  byId("examples-list").replaceChildren(...demo.objects.map(({ object, crumpled }) => {
+  byId("examples-list").replaceChildren(...demo.objects.map(({ object, crumpled: path }) => {
+    const crumpled = path.slice(path.indexOf("assets/"));  // relative, as all addresses of the page
     const image = make("img", { alt: "", loading: "lazy", width: 160, height: 120 });
     api.showImage(image, crumpled);
     const search = async () => choose(new File([await api.blobOf(crumpled)], `${object}.jpg`, { type: "image/jpeg" }));

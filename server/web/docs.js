@@ -108,7 +108,7 @@ const quoted = (text) => `'${text.replaceAll("'", "'\\''")}'`;
 function requestOf(method, path, fields, body) {
   const query = new URLSearchParams();
   const headers = {};
-  let url = path;
+  let url = path.slice(1);  // relative: a proxy can serve the page below any path
   for (const { parameter, control } of fields) {
     const value = control.value.trim();
     if (parameter.in === "path") {
@@ -295,7 +295,7 @@ byId("docs-key").value = getKey();
 byId("docs-key").addEventListener("change", () => setKey(byId("docs-key").value.trim()));
 
 attempt(byId("docs-status"), async () => {
-  show(await ask("/v1/openapi.json"));
+  show(await ask("v1/openapi.json"));
   openFromAddress();
   addEventListener("hashchange", openFromAddress);
 });

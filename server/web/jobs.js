@@ -12,7 +12,7 @@ const kKinds = { train: "Preparing search", demo: "Loading demonstration objects
 const kStates = { queued: "waiting", cancelled: "stopped" };  // the others are words already
 
 export const isActive = (job) => job.state === "queued" || job.state === "running";
-const pathOf = (id) => `/v1/jobs/${encodeURIComponent(id)}`;
+const pathOf = (id) => `v1/jobs/${encodeURIComponent(id)}`;
 
 // Follows a job to its end; onProgress(job) is told each time. Throws if the job failed.
 export async function follow(id, onProgress = () => {}) {

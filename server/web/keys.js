@@ -33,7 +33,7 @@ onSubmit(byId("keys-form"), async () => {
     return;
   }
   await attempt(byId("keys-status"), async () => {
-    const made = await api.askJson("/v1/keys", "POST", { name, scope: byId("keys-scope").value });
+    const made = await api.askJson("v1/keys", "POST", { name, scope: byId("keys-scope").value });
     tell("");
     byId("keys-name").value = "";
     if (isFirst) {
@@ -46,7 +46,7 @@ onSubmit(byId("keys-form"), async () => {
 });
 
 async function revoke(key) {
-  const failure = await api.deletePath(`/v1/keys/${encodeURIComponent(key.id)}`).then(() => null, (error) => error.message);
+  const failure = await api.deletePath(`v1/keys/${encodeURIComponent(key.id)}`).then(() => null, (error) => error.message);
   await refresh();  // the list first, then the words
   tell(failure ?? `Key "${key.name}" revoked.`, Boolean(failure));
   byId("keys-title").focus();
@@ -61,7 +61,7 @@ function row(key, mine) {
 
 async function refresh() {
   const done = await attempt(byId("keys-status"), async () => {
-    const [{ keys }, me] = await Promise.all([api.ask("/v1/keys"), api.ask("/v1/me")]);
+    const [{ keys }, me] = await Promise.all([api.ask("v1/keys"), api.ask("v1/me")]);
     isFirst = !me.keys_required;
     if (isFirst) byId("keys-scope").value = "admin";
     for (const option of byId("keys-scope").options) option.disabled = isFirst && option.value !== "admin";

@@ -54,7 +54,7 @@ function showFacts(samples, took) {
 }
 
 async function showReady() {
-  const answer = await fetch("/readyz");
+  const answer = await fetch("readyz");
   const body = await answer.json().catch(() => ({}));
   byId("status-ready").textContent = answer.ok ? "Ready" : body.code === "starting" ?
     `Starting: ${Math.round(100 * (body.progress ?? 0))} % of the index is loaded` : body.detail ?? "Not ready";
@@ -65,7 +65,7 @@ async function showReady() {
 const listJobs = makeJobList("status-jobs", refresh);
 
 async function showJobs() {
-  const { jobs } = await api.ask("/v1/jobs");
+  const { jobs } = await api.ask("v1/jobs?limit=500");
   listJobs(jobs);
   const running = jobs.filter(isActive).length;
   byId("status-running").textContent = running ? `${count(running, "job")} running` : "";
@@ -73,7 +73,7 @@ async function showJobs() {
 
 // --- backups
 
-const backupPath = ({ name }, what = "") => `/v1/backups/${encodeURIComponent(name)}${what}`;
+const backupPath = ({ name }, what = "") => `v1/backups/${encodeURIComponent(name)}${what}`;
 const tell = (text) => say(byId("backups-said"), text);
 
 async function deleteBackup(backup) {
@@ -98,17 +98,14 @@ const listBackups = makeLiveList("backups", backupItem, "No backups yet.");
 
 async function showBackups() {
   if (!api.isAdmin()) return;
-  const { backups } = await api.ask("/v1/backups").catch((error) => {
-    if (error.code !== "backups_off") throw error;
-    return { backups: null };
-  });
+  const { backups } = await api.hasBackups() ? await api.ask("v1/backups") : {};
   byId("backups-off").hidden = Boolean(backups);
   byId("backups-on").hidden = !backups;
   listBackups(backups ?? []);
 }
 
 byId("backup-make").addEventListener("click", () => attempt(byId("backups-said"), async () => {
-  const { id } = await api.askJson("/v1/backups", "POST", {});
+  const { id } = await api.askJson("v1/backups", "POST", {});
   tell("The backup has started. It is listed here when it is complete.");
   refresh();
   await follow(id);
@@ -125,7 +122,7 @@ async function refresh() {
     if (!document.hidden) {
       const start = performance.now();
       if (await showReady()) {
-        showFacts(parseMetrics(await (await api.blobOf("/metrics")).text()), performance.now() - start);
+        showFacts(parseMetrics(await (await api.blobOf("metrics")).text()), performance.now() - start);
         await Promise.all([showJobs(), showBackups()]);
       }
       say(byId("status-status"), "");

@@ -13,6 +13,7 @@ import "./cases/image.mjs";
 import "./cases/edit.mjs";
 import "./cases/collection.mjs";
 import "./cases/docs.mjs";
+import "./cases/proxy.mjs";
 import "./cases/status.mjs";
 import "./cases/backups.mjs";
 import "./cases/incoming.mjs";

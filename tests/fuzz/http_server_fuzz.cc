@@ -57,6 +57,8 @@ HttpOptions TestOptions() {
   options.threads = 2;
   options.max_header_bytes = 2048;
   options.max_body_bytes = 8192;
+  options.base_path = "/base";
+  options.trusted_proxies = {"127.0.0.1"};
   options.allowed_origins = {"https://shop.example"};
   options.admit = [](const Route&, Request&) {};
   options.on_request = CheckRecord;

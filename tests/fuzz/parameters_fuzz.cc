@@ -32,10 +32,11 @@ const pliant::server::Route& TestRoute() {
   return kRoute;
 }
 
+// Its line must outlive the request.
 void AddLine(std::string_view line, Request& request) {
   const std::size_t equals = std::min(line.find('='), line.size());
   const std::string name(line.substr(0, equals));
-  const std::string value(line.substr(std::min(equals + 1, line.size())));
+  const std::string_view value = line.substr(std::min(equals + 1, line.size()));
   if (name.starts_with('?')) {
     request.query.emplace(name.substr(1), value);
   } else if (name.starts_with(':')) {

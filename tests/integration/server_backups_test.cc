@@ -110,8 +110,8 @@ TEST_F(BackupsTest, EncryptedTheyAreTheSame) {
 TEST_F(BackupsTest, AreOffWithoutADirectory) {
   Start({"--auto-train", "false"});
   client_ = std::make_unique<httplib::Client>("127.0.0.1", server_->port());
-  Refused(client_->Get("/v1/backups/a.db/content"), 409, "backups_off");
-  Refused(client_->Delete("/v1/backups/a.db"), 409, "backups_off");
+  Refused(client_->Get("/v1/backups/a.db/content"), 403, "backups_off");
+  Refused(client_->Delete("/v1/backups/a.db"), 403, "backups_off");
 }
 
 TEST_F(BackupsTest, AreForAdminsAlone) {

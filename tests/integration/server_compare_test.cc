@@ -114,7 +114,7 @@ TEST_F(CompareTest, WhatIsNotTwoImagesIsRefused) {
   RefusedForm({File(image), {"image_url", other_.url("/1.png"), "", ""}}, 400, "unknown_parameter",
               "image_url");
   RefusedForm({File(image), {"second", std::string(70'000, 'x'), "", ""}}, 413, "body_too_large",
-              "");
+              "second");
   RefusedForm({File(image), File("no image")}, 415, "image_type_unknown", "");
   RefusedForm({File(image), File(image.substr(0, 500))}, 422, "image_truncated", "");
   EXPECT_EQ(client_->Post(kCompare, image, "image/png")->status, 415) << "it is one image";
@@ -159,9 +159,9 @@ TEST_F(CompareTest, WrongImagesInJsonAreRefusedByTheirName) {
 TEST_F(CompareTest, NothingIsFetchedUnlessTheOperatorAllowsIt) {
   Start();
   client_ = std::make_unique<httplib::Client>("127.0.0.1", server_->port());
-  Refused(kCompare, {{"first", Base64Image(TestImage(1))}, {"second", At("/1.png")}}, 409,
+  Refused(kCompare, {{"first", Base64Image(TestImage(1))}, {"second", At("/1.png")}}, 403,
           "fetch_off", "second");
-  RefusedForm({File(TestImage(1)), {"second", At("/1.png").dump(), "", ""}}, 409, "fetch_off",
+  RefusedForm({File(TestImage(1)), {"second", At("/1.png").dump(), "", ""}}, 403, "fetch_off",
               "second");
   StartFetching({});
   Refused(kCompare, {{"first", At("/1.png")}, {"second", Base64Image(TestImage(1))}}, 422,

@@ -23,9 +23,10 @@ TEST_F(FetchTest, IsOffUnlessTheOperatorSaysOtherwise) {
   Start();
   client_ = std::make_unique<httplib::Client>("127.0.0.1", server_->port());
   EXPECT_EQ(Json::parse(client_->Get("/v1/me")->body)["image_url"], false);
+  EXPECT_EQ(Json::parse(client_->Get("/v1/me")->body)["backups"], false);
   const Json body = {{"image_url", other_.url("/1.png")}};
-  Refused(kImages, body, 409, "fetch_off", "image_url", "--fetch-hosts");
-  Refused(kSearch, body, 409, "fetch_off", "image_url");
+  Refused(kImages, body, 403, "fetch_off", "image_url", "--fetch-hosts");
+  Refused(kSearch, body, 403, "fetch_off", "image_url");
   const Json batch = Ask("/v1/collections/default/search:batch", {{"searches", {body}}}, 207);
   EXPECT_EQ(batch["results"][0]["problem"]["code"], "fetch_off");
   const Json items = Items(body.dump());

@@ -51,6 +51,34 @@ class JobScopesTest : public BackupsTest {
   std::string backup_, import_, demo_;
 };
 
+TEST_F(JobScopesTest, JobsAreListedPageByPage) {
+  EXPECT_EQ(Json::parse(client_->Get("/v1/jobs/" + demo_ + "?wait=60")->body)["state"], "done");
+  std::vector<std::string> ids;
+  for (std::string next = "/v1/jobs?limit=1&state=done";;) {
+    const auto answer = client_->Get(next);
+    ASSERT_EQ(answer->status, 200) << answer->body;
+    const Json page = Json::parse(answer->body);
+    ASSERT_EQ(page["jobs"].size(), 1U);
+    ids.push_back(page["jobs"][0]["id"]);
+    const std::string link = answer->get_header_value("Link");
+    EXPECT_EQ(link.empty(), page["next"].is_null());
+    if (link.empty()) break;
+    EXPECT_THAT(link, HasSubstr("&limit=1&state=done>; rel=\"next\""));
+    next = link.substr(1, link.find('>') - 1);
+  }
+  EXPECT_EQ(ids, (std::vector<std::string>{demo_, import_, backup_}));
+  const auto listed = [&](const std::string& query) {
+    return Json::parse(client_->Get("/v1/jobs?" + query)->body)["jobs"].size();
+  };
+  EXPECT_EQ(listed("state=failed"), 0U);
+  EXPECT_EQ(listed("collection=none"), 0U);
+  EXPECT_EQ(listed("collection=default&state=done"), 2U) << "a backup is of no collection";
+  Refused(client_->Get("/v1/jobs?state=over"), 400, "invalid_parameter");
+  const Json page = Json::parse(client_->Get("/v1/jobs?limit=1")->body);
+  Refused(client_->Get("/v1/jobs?state=done&cursor=" + page["next"].get<std::string>()), 400,
+          "invalid_cursor");
+}
+
 TEST_F(JobScopesTest, WhatNamesFilesOfTheServerIsForAdmins) {
   EXPECT_THAT(Listed(), UnorderedElementsAre(backup_, import_, demo_));
   EXPECT_EQ(client_->Get("/v1/jobs/" + backup_)->status, 200);

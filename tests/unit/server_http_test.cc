@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/http/form.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"
 #include "server/http/router.h"
@@ -180,19 +181,38 @@ TEST_F(ParametersTest, NamesWhatIsWrong) {
   EXPECT_THROW(Ask("must"), Json::type_error) << "a handler asks for another type";
 }
 
-TEST(Multipart, ReadsParts) {
+TEST(Query, IsDecoded) {
+  using Values = std::multimap<std::string, std::string>;
+  EXPECT_EQ(ParseQuery(""), Values());
+  EXPECT_EQ(
+      ParseQuery("a=1&b=x+y%20z%C3%A9&&a=1&c&=d&e=f=g"),
+      (Values{{"a", "1"}, {"a", "1"}, {"b", "x y z\xc3\xa9"}, {"c", ""}, {"", "d"}, {"e", "f=g"}}));
+  EXPECT_EQ(ParseQuery("a=100%&b=%zz%4&c=%e9"),
+            (Values{{"a", "100%"}, {"b", "%zz%4"}, {"c", "\xe9"}}));
+}
+
+constexpr const char* kFile = "name=\"image\"; filename=\"a.jpg\"";
+
+std::string FormWith(const std::string& disposition, const std::string& content = "bytes") {
+  return "--B\r\nContent-Disposition: form-data; " + disposition + "\r\n\r\n" + content +
+         "\r\n--B--\r\n";
+}
+
+TEST(Form, ReadsParts) {
   const std::string body =
       "--B\r\nContent-Disposition: form-data; name=\"image\"; filename=\"a;b \\\"c\\\".png\"\r\n"
       "content-type: image/png\r\n\r\n"
       "\r\n--C"
       "\r\n--B  \r\nContent-Disposition: Form-Data; name=object\r\n\r\n"
       "\r\n--B--\r\nwhat follows";
-  for (const char* type : {"multipart/form-data; boundary=B", "Multipart/Form-Data;BOUNDARY=\"B\"",
-                           "multipart/form-data; x=\"boundary=;\"; boundary=B; charset=utf-8"}) {
-    const std::vector<Part> parts = ParseMultipart(type, body, 2);
+  for (const char* type :
+       {"multipart/form-data; boundary=B", "Multipart/Form-Data;BOUNDARY=\"B\"",
+        "multipart/form-data; x=\"boundary=;\"; boundary=B; charset=utf-8",
+        "multipart/form-data;boundary=B;charset=utf-8", "multipart/form-data; x; boundary = B"}) {
+    const std::vector<Part> parts = ParseForm(type, body, 2);
     ASSERT_EQ(parts.size(), 2U);
     EXPECT_EQ(parts[0].name, "image");
-    EXPECT_EQ(parts[0].filename, R"(a;b \"c\".png)");
+    EXPECT_EQ(parts[0].filename, R"(a;b "c".png)");
     EXPECT_EQ(parts[0].content_type, "image/png");
     EXPECT_EQ(parts[0].content, "\r\n--C");
     EXPECT_EQ(parts[1].name, "object");
@@ -200,23 +220,81 @@ TEST(Multipart, ReadsParts) {
   }
 }
 
-TEST(Multipart, SaysWhatIsWrong) {
-  const std::string part = "--B\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\n";
-  const auto code_of = [](const std::string& body, const std::string& type = "x; boundary=B") {
-    return ProblemOf([&] { ParseMultipart(type, body, 2); }).code;
-  };
-  const std::string whole = part + "x\r\n--B--\r\n";
-  EXPECT_EQ(code_of(whole), "");
-  for (std::size_t size = 0; size < whole.size() - 4; ++size) {
-    EXPECT_EQ(code_of(whole.substr(0, size)), "bad_request") << size;
+// One part, in the shapes that clients send it.
+TEST(Form, ReadsTheFormsOfAllClients) {
+  const std::string plain = FormWith(kFile);
+  for (const std::string& body : {
+           plain,
+           FormWith("name=image; filename=a.jpg; filename*=utf-8''a.jpg"),  // .NET
+           FormWith("filename=\"a.jpg\"; name=\"image\""),
+           FormWith("NAME=\"image\" ;FileName=a.jpg"),
+           FormWith("name=image; filename=\"=?utf-8?B?YQ==?=\"; filename*=UTF-8'en'a%2Ejpg"),
+           FormWith("name=\"image\";\r\n\tfilename=\"a.jpg\""),  // folded
+           plain.substr(0, plain.size() - 2),                    // Node 18
+           "\r\n" + plain,
+           "This is a multipart message.\r\n" + plain,
+           "--B \t" + plain.substr(3, plain.size() - 5) + " \r\n",
+       }) {
+    const std::vector<Part> parts = ParseForm("x; boundary=B", body, 1);
+    ASSERT_EQ(parts.size(), 1U) << body;
+    EXPECT_EQ(parts[0].name, "image") << body;
+    EXPECT_EQ(parts[0].filename, "a.jpg") << body;
+    EXPECT_EQ(parts[0].content, "bytes") << body;
   }
-  EXPECT_EQ(code_of("--B--\r\n"), "bad_request") << "a form has a part";
-  EXPECT_EQ(code_of(whole, "x"), "bad_request");
-  EXPECT_EQ(code_of(whole, "x; boundary="), "bad_request");
-  EXPECT_EQ(code_of("--B\r\nX: y\r\n\r\nx\r\n--B--"), "bad_request") << "a part has a name";
-  EXPECT_EQ(code_of("--Bx" + whole), "bad_request");
-  EXPECT_EQ(code_of(part + "\r\n" + part + "\r\n" + part + "\r\n--B--"), "bad_request");
-  EXPECT_EQ(code_of(part + std::string(70'000, 'x') + "\r\n--B--"), "body_too_large");
+  const auto filename = [](const std::string& text) {
+    return ParseForm("x; boundary=B", FormWith("name=image; " + text), 1).at(0).filename;
+  };
+  EXPECT_EQ(filename(R"(filename="C:\new\photo.jpg")"), R"(C:\new\photo.jpg)");
+  EXPECT_EQ(filename(R"(filename="a\\b.jpg")"), R"(a\b.jpg)");
+  EXPECT_EQ(filename("filename*=utf-8''caf%C3%A9.jpg; filename=x"), "caf\xc3\xa9.jpg");
+  EXPECT_EQ(filename("filename*=latin1''caf%E9.jpg; filename=x"), "x");
+}
+
+TEST(Form, SaysWhatIsWrong) {
+  const auto wrong = [](const std::string& body, const std::string& type = "x; boundary=B") {
+    const Problem problem = ProblemOf([&] { ParseForm(type, body, 2); });
+    EXPECT_TRUE(problem.code.empty() || problem.code == "bad_request") << problem.code;
+    return problem.detail;
+  };
+  const std::string part = "--B\r\nContent-Disposition: form-data; name=\"a\"\r\n\r\n";
+  const std::string whole = part + "x\r\n--B--\r\n";
+  EXPECT_EQ(wrong(whole), "");
+  for (std::size_t size = 0; size < whole.size() - 4; ++size) {
+    EXPECT_NE(wrong(whole.substr(0, size)), "") << size;
+  }
+  using testing::HasSubstr;
+  EXPECT_THAT(wrong("--B--\r\n"), HasSubstr("no parts"));
+  EXPECT_THAT(wrong(whole, "x"), HasSubstr("Content-Type has no boundary"));
+  EXPECT_THAT(wrong(whole, "x; boundary="), HasSubstr("Content-Type has no boundary"));
+  EXPECT_THAT(wrong(whole, "x; boundary=" + std::string(71, 'B')), HasSubstr("more than 70 bytes"));
+  EXPECT_THAT(wrong(whole, "x; boundary=C"), HasSubstr("begins with the boundary, --C"));
+  EXPECT_THAT(wrong("--B\r\nX: y\r\n\r\nx\r\n--B--"), HasSubstr("part 1 has no name"));
+  EXPECT_THAT(wrong("--B\r\nX\r\n\r\nx\r\n--B--"), HasSubstr("has no colon"));
+  EXPECT_THAT(wrong("--B\nContent-Disposition: form-data; name=a\n\nx\n--B--"), HasSubstr("CR LF"));
+  EXPECT_THAT(wrong("--Bx" + whole), HasSubstr("followed by other text"));
+  EXPECT_THAT(wrong(part + "x"), HasSubstr("part \"a\" has no end. After the last part, --B--"));
+  EXPECT_THAT(wrong(part + "\r\n" + part + "\r\n" + part + "\r\n--B--"),
+              HasSubstr("more than 2 parts"));
+  EXPECT_THAT(wrong(FormWith("name=image\r\nContent-Transfer-Encoding: Base64")),
+              HasSubstr("base64"));
+  EXPECT_EQ(wrong(FormWith("name=image\r\nContent-Transfer-Encoding: binary")), "");
+}
+
+TEST_F(ParametersTest, GuessesWhatWasMeant) {
+  route_.body = BodyKind::kImageOrJson;
+  const auto detail = [&](const Part& part) {
+    request_.parts = {part};
+    return ProblemOf([&] { Make(); }).detail;
+  };
+  const std::string image = "did you mean the part \"image\"?";
+  EXPECT_THAT(detail({"file", "a.jpg", "", "x"}), testing::HasSubstr(image));
+  EXPECT_THAT(detail({"photo", "", "image/png", "x"}), testing::HasSubstr(image));
+  const std::string large(70'000, 'x');
+  EXPECT_THAT(detail({"file", "", "", large}), testing::HasSubstr(image));
+  EXPECT_THAT(detail({"kinds", "", "", "x"}), testing::HasSubstr("did you mean kind?"));
+  EXPECT_THAT(detail({"q", "", "", "x"}), testing::HasSubstr("\"q\". This route takes image, n, "));
+  request_.parts = {{"text", "", "", large}};
+  EXPECT_EQ(ProblemOf([&] { Make(); }).code, "body_too_large");
 }
 
 TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {

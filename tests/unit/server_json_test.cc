@@ -56,9 +56,13 @@ TEST(Json, Base64IsDecoded) {
     EXPECT_TRUE(decoded(text)) << text;
   }
   EXPECT_EQ(decoded("data:image/png;base64,Zm9v"), "foo");
+  for (const char* text : {"Zm9v\n", " Zm9v", "Zm\r\n9v\r\n", "Z m 9\tv"})
+    EXPECT_EQ(decoded(text), "foo");
+  EXPECT_EQ(decoded("Zm8=\n"), "fo");
+  EXPECT_EQ(decoded("Zm-_"), decoded("Zm+/")) << "RFC 4648, section 5";
   EXPECT_EQ(decoded("data:;base64,Zm9v"), "foo");
-  for (const char* text : {"Z", "Zg=", "Zg===", "Zh==", "Zm9=", "Zm9v\n", " Zm9v", "Zm-_",
-                           "====", "=", "Zm9v=", "data:image/png,Zm9v", "data:Zm9v", "Zm9v\xff"}) {
+  for (const char* text : {"Z", "Zg=", "Zg===", "Zh==", "Zm9=", "Zm9v\v", "====", "===", "=",
+                           "Zm9v=", "data:image/png,Zm9v", "data:Zm9v", "Zm9v\xff"}) {
     EXPECT_FALSE(decoded(text)) << text;
   }
   EXPECT_FALSE(decoded(std::string_view("Zm\0v", 4)));

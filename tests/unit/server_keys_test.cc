@@ -28,30 +28,31 @@ TEST(ApiKeys, AreRandomAndHashed) {
 TEST(RateLimiter, RefillsAndKeepsClientsApart) {
   RateLimiter limiter(2, 3);  // 2 a second, 3 at once
   auto now = RateLimiter::Clock::now();
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now), 0);
-  EXPECT_EQ(limiter.Take("a", now), 1);
-  EXPECT_EQ(limiter.Take("b", now), 0);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now).wait_s, 0);
+  EXPECT_EQ(limiter.Take("a", now).wait_s, 1);
+  EXPECT_EQ(limiter.Take("b", now).wait_s, 0);
   now += milliseconds(500);
-  EXPECT_EQ(limiter.Take("a", now), 0);
-  EXPECT_EQ(limiter.Take("a", now), 1);
+  EXPECT_EQ(limiter.Take("a", now).wait_s, 0);
+  EXPECT_EQ(limiter.Take("a", now).wait_s, 1);
   now += std::chrono::seconds(100);
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now), 0);
-  EXPECT_GT(limiter.Take("a", now), 0) << "no more than the burst is saved up";
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(limiter.Take("a", now).wait_s, 0);
+  EXPECT_GT(limiter.Take("a", now).wait_s, 0) << "no more than the burst is saved up";
   RateLimiter slow(0.1, 1);
-  EXPECT_EQ(slow.Take("a", now), 0);
-  EXPECT_EQ(slow.Take("a", now), 10);
+  EXPECT_EQ(slow.Take("a", now).wait_s, 0);
+  EXPECT_EQ(slow.Take("a", now).wait_s, 10);
   RateLimiter off(0, 1);
-  for (int i = 0; i < 100; ++i) EXPECT_EQ(off.Take("a", now), 0);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(off.Take("a", now).wait_s, 0);
 }
 
 TEST(RateLimiter, RemembersOnlySoMany) {
   RateLimiter limiter(1, 1);
   const auto now = RateLimiter::Clock::now();
   for (std::size_t i = 0; i < RateLimiter::kMaxBuckets; ++i) {
-    EXPECT_EQ(limiter.Take(std::to_string(i), now), 0);
+    EXPECT_EQ(limiter.Take(std::to_string(i), now).wait_s, 0);
   }
-  EXPECT_EQ(limiter.Take("one more", now), 1);
-  EXPECT_EQ(limiter.Take("one more", now + std::chrono::seconds(2)), 0) << "the others are full";
+  EXPECT_EQ(limiter.Take("one more", now).wait_s, 1);
+  EXPECT_EQ(limiter.Take("one more", now + std::chrono::seconds(2)).wait_s, 0)
+      << "the others are full";
 }
 
 }  // namespace

@@ -40,14 +40,14 @@ class Verifier:
 
     def all_of(self, connection, thorough=False):
         """After a start."""
-        before = connection.get("/v1/jobs")["jobs"]
+        before = connection.get("/v1/jobs?limit=500")["jobs"]
         self.book.settle_by(before)
         grew = self.growing()
         records = self.records(connection)
         actual = {key: state_of(record) if key[1] else EXISTS for key, record in records.items()
                   if not key[1] or key[0] not in self.model.opaque}
         late = dict(self.model.maybe)  # what may be added since the list was read, also by an import that ends now
-        self.book.settle_by(connection.get("/v1/jobs")["jobs"])
+        self.book.settle_by(connection.get("/v1/jobs?limit=500")["jobs"])
         for key, state in late.items():
             if key not in actual and connection.json("GET", image_path(key))[0] == 200:
                 actual[key] = state
@@ -155,7 +155,7 @@ class Verifier:
     def wait_for_jobs(self, connection):
         before, latest = None, 0
         while active := self.book.active_jobs():
-            listed = connection.get("/v1/jobs")["jobs"]
+            listed = connection.get("/v1/jobs?limit=500")["jobs"]
             self.book.settle_by(listed)
             if listed != before:
                 before, latest = listed, time.monotonic() + PATIENCE_S

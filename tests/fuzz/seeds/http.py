@@ -94,6 +94,11 @@ def conversations():
         "connect": f"CONNECT a:1 HTTP/1.1\r\n{HOST}\r\n",
         "absolute": f"GET http://127.0.0.1/x/1 HTTP/1.1\r\n{HOST}\r\n",
         "empty_lines": "\r\n\r\n" + get,
+        "base": f"GET /base HTTP/1.1\r\n{HOST}\r\nGET /base/x/1 HTTP/1.1\r\n{HOST}\r\n",
+        "forwarded": f"GET /x/1 HTTP/1.1\r\n{HOST}X-Forwarded-For: 1.2.3.4, [::1]:80\r\nX-Forwarded-Proto: https\r\n"
+                     "X-Forwarded-Host: 127.0.0.1\r\nX-Forwarded-Prefix: /p/\r\n\r\n",
+        "forwarded_rfc": f"GET /x/1 HTTP/1.1\r\n{HOST}Forwarded: for=\"[2001:db8::1]\";proto=https;host=evil.example, for=_x\r\n\r\n",
+        "no_type": with_length("POST /form", "P5"), "json_no_type": with_length("POST /form", '{"limit": 3}'),
         "percent": f"GET /x/%zz?object=%&limit=%4 HTTP/1.1\r\n{HOST}\r\n",
     })
 
@@ -125,6 +130,21 @@ def parameters():
     })
 
 
+def forms():
+    """The Content-Type, and the body behind the first line."""
+    kind = "multipart/form-data; boundary=b"
+    image = part("image", "P5", '; filename="a.jpg"\r\nContent-Type: image/jpeg')
+    return encoded({
+        "two": f"{kind}\n{part('object', 'mug')}{image}--b--\r\n", "quoted": f'x;BOUNDARY="b";charset=utf-8\n{image}--b--',
+        "dotnet": f"{kind}\n--b\r\nContent-Type: a/b\r\nContent-Disposition: form-data; name=image; filename=a; "
+                  "filename*=utf-8''%C3%A9\r\n\r\nx\r\n--b--\r\n",
+        "folded": f"{kind}\npreamble\r\n--b \t\r\ncontent-disposition: form-data;\r\n name=\"a\\\"b\\\\\"\r\n\r\n\r\n--b-- \r\nepilogue",
+        "cut": f"{kind}\n{image}"[:-4], "no_name": f"{kind}\n--b\r\nX: y\r\n\r\nx\r\n--b--", "five": f"{kind}\n{image * 5}--b--",
+        "base64": f"{kind}\n--b\r\nContent-Disposition: form-data; name=image\r\nContent-Transfer-Encoding: base64\r\n\r\nAA\r\n--b--",
+        "line_feeds": f"{kind}\n{image}--b--".replace("\r", ""), "query": "a=1&b=%41%zz+x&&c&=d%4\n",
+    })
+
+
 def hosts():
     names = ("127.0.0.1", "127.0.0.1:8080", "[::1]:80", "[::ffff:1.2.3.4]", "localhost.", "SHOP.example:443", "x", "evil.example",
              "[::1", "1.2.3.4.5", "127.0.0.1:", "::1", "", ":80", "shop.example:80:80", "127.1")
@@ -153,4 +173,5 @@ def addresses():
 
 
 SEEDS = {"request_head": heads, "chunked_body": chunks, "http_server": conversations, "request_reader": received,
-         "parameters": parameters, "allowed_hosts": hosts, "path": paths, "web_address": addresses}
+         "parameters": parameters, "allowed_hosts": hosts, "path": paths, "web_address": addresses,
+         "form": forms}
