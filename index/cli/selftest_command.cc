@@ -102,7 +102,7 @@ ExitStatus Run(Options& options) {
   }
   const std::string& collection = options.test.collection;
   if (options.calibrate && report.reaches_rate) {
-    engine.ChangeCollection(collection, {{}, report.found_from, {}});
+    engine.ChangeCollection(collection, {.found_from = report.found_from});
   }
   const Json json = SelfTestJson(report, options.test, /*examples=*/false);
   if (options.json) {

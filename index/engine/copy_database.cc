@@ -93,7 +93,8 @@ class Copy {
   void CopyCollection(const CollectionLabel& label) {
     to_->writer().CreateCollection(label.name);
     const double found_from = from_->catalogue().RequireCollection(label.name).found_from;
-    to_->writer().ChangeCollection(label.name, {label.display_name, found_from, {}});
+    to_->writer().ChangeCollection(label.name,
+                                   {.display_name = label.display_name, .found_from = found_from});
     ++result_.collections;
     CopyVocabularies(label.name);
     const CollectionState to = to_->catalogue().RequireCollection(label.name);

@@ -212,9 +212,9 @@ struct ImageChange {
 };
 
 struct CollectionChange {
-  std::optional<std::string> display_name;  // "" = none
-  std::optional<double> found_from;         // kLeastFoundFrom to kMostFoundFrom
-  std::optional<std::string> self_test;     // JSON of the last report; "" = none
+  std::optional<std::string> display_name = {};  // "" = none
+  std::optional<double> found_from = {};         // kLeastFoundFrom to kMostFoundFrom
+  std::optional<std::string> self_test = {};     // JSON of the last report; "" = none
 };
 
 // By alias: its new collection; absent = remove the alias.

@@ -25,7 +25,7 @@ struct JudgementConstants {
   // Inliers by chance grow with exp(growth (usual_distinctness - distinctness) (1 / agreeing^2 -
   // 1)).
   double growth = 4;
-  double most_growth = 9;        // pages with more inliers by chance were not seen
+  double most_growth = 9;        // codes and boards had up to 40 inliers by chance
   double least_evidence = 0.25;  // of any warp: a hint
   // Evidence e multiplies the odds by (1 + e)^power: a third more inliers count as much as a
   // ranking score 3.2 times as high.

@@ -183,8 +183,8 @@ std::vector<Match> Verifier::MatchesWith(const Features& reference) const {
                           {.threads = options_.threads});
 }
 
-void Verifier::Compare(const Features& reference, const std::vector<Match>& all,
-                       const std::vector<Match>& mutual, VerificationResult* result) const {
+void Verifier::MeasureChance(const Features& reference, const std::vector<Match>& all,
+                             const std::vector<Match>& mutual, VerificationResult* result) const {
   std::vector<bool> is_inlier(query_.keypoints.size(), false);
   const auto mark = [&](const FoundInstance& found) {
     for (const MatchedPair& pair : found.inliers) is_inlier[pair.query] = true;
@@ -273,7 +273,7 @@ VerificationResult Verifier::Verify(const Features& reference) const {
   if (options_.max_instances > 1) FindFurther(reference, matches, &result);
   result.inlier_fraction =
       std::min(1.0, static_cast<double>(result.inliers.size()) / result.matches);
-  Compare(reference, all, mutual, &result);
+  MeasureChance(reference, all, mutual, &result);
   return result;
 }
 

@@ -97,9 +97,10 @@ class Verifier {
 
  private:
   std::vector<Match> MatchesWith(const Features& reference) const;  // with any ratio
-  // Sets distinctness and agreeing. `all`: of MatchesWith; `mutual`: those within the ratio.
-  void Compare(const Features& reference, const std::vector<Match>& all,
-               const std::vector<Match>& mutual, VerificationResult* result) const;
+  // What decides InliersByChance: sets distinctness and agreeing. `all`: of MatchesWith; `mutual`:
+  // those within the ratio.
+  void MeasureChance(const Features& reference, const std::vector<Match>& all,
+                     const std::vector<Match>& mutual, VerificationResult* result) const;
   void FindFurther(const Features& reference, const std::vector<Match>& matches,
                    VerificationResult* result) const;
   TpsRansacOptions RansacFor(const Features& reference) const;

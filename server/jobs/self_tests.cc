@@ -33,7 +33,7 @@ void RegisterSelfTestJob(JobRunner& runner, Engine& engine, WorkerPool& pool, Im
     };
     Json report = SelfTestJson(RunSelfTest(engine, options), options, /*examples=*/true);
     report["made_at"] = IsoTime(NowMs());
-    engine.ChangeCollection(job.collection, {{}, {}, ToText(report)});
+    engine.ChangeCollection(job.collection, {.self_test = ToText(report)});
     return "/v1/collections/" + job.collection + "/selftest";
   };
   runner.Register("selftest", {run});

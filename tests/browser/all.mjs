@@ -12,6 +12,7 @@ import "./cases/browse.mjs";
 import "./cases/image.mjs";
 import "./cases/edit.mjs";
 import "./cases/collection.mjs";
+import "./cases/selftest.mjs";
 import "./cases/docs.mjs";
 import "./cases/proxy.mjs";
 import "./cases/status.mjs";

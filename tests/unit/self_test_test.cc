@@ -161,14 +161,14 @@ TEST_F(SelfTestTest, TheLimitOfACollectionDecidesWhatIsFound) {
   EXPECT_EQ(before.found_from, kFoundProbability);
   const double probability = *before.hits.front().probability;
   ASSERT_GE(probability, kFoundProbability);
-  EXPECT_EQ(engine.ChangeCollection("default", {{}, 0.99, {}}).found_from, 0.99);
+  EXPECT_EQ(engine.ChangeCollection("default", {.found_from = 0.99}).found_from, 0.99);
   const SearchResult after = search();
   EXPECT_EQ(after.found_from, 0.99);
   EXPECT_EQ(after.found, probability >= 0.99 ? 1U : 0U);
   EXPECT_EQ(after.perhaps, probability < 0.99);
   for (const double limit : {0.49, 1.0, std::numeric_limits<double>::quiet_NaN()}) {
     ExpectError(ErrorCode::kInvalidArgument, "found_from_invalid",
-                [&] { engine.ChangeCollection("default", {{}, limit, {}}); });
+                [&] { engine.ChangeCollection("default", {.found_from = limit}); });
   }
 }
 

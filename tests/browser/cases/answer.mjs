@@ -53,7 +53,7 @@ function answerOf(strong, total) {
     const limit = Number(/name="limit"\r\n\r\n(\d+)/.exec(form)[1]);
     const hits = Array.from({ length: Math.min(limit, total - offset) }, (_, i) => ({
       rank: offset + i + 1, object: `thing ${offset + i + 1}`, image_id: `id-${offset + i}`, source: "",
-      score: offset + i < strong ? 0.9 : 0.001, probability: offset + i < strong ? 0.99 : 0.03, inliers: 0,
+      score: offset + i < strong ? 0.9 : 0.001, probability: offset + i < strong ? 0.99 : 0.03, verdict: offset + i < strong ? "found" : "unlikely", inliers: 0,
       polygon: null, instances: [], via: null, metadata: {} }));
     return route.fulfill({ json: { took_ms: 5, total, found: strong, hits } });
   };

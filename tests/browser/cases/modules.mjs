@@ -7,6 +7,9 @@ import * as house from "../house.mjs";
 
 const server = await house.server("demonstration");
 
+// As the server judges a hit.
+const verdictOf = (probability) => (probability >= 0.9 ? "found" : probability >= 0.2 ? "perhaps" : "unlikely");
+
 // Calls an exported function of a module of the page.
 async function withModules(use) {
   const page = await house.openPage(server.address);
@@ -102,7 +105,7 @@ test("labels and conditions are read as they are typed", () => withModules(async
 }));
 
 test("an answer is said in a sentence", () => withModules(async (call) => {
-  const hits = (...list) => list.map(([name, probability]) => ({ name, probability, score: 0.1 }));
+  const hits = (...list) => list.map(([name, probability]) => ({ name, probability, score: 0.1, verdict: verdictOf(probability) }));
   const words = async (given) => (await call("words.js", "verdictWords", { found: null, ...given })).value;
   assert.equal(await words({ hits: hits(["mug", 0.95], ["tin", 0.3]), found: 1 }), "Found: mug.");
   assert.equal(await words({ hits: hits(["mug", 0.95]), found: 1, inPart: true }), "Found in this part: mug.");
@@ -121,7 +124,7 @@ test("an answer is said in a sentence", () => withModules(async (call) => {
   assert.equal(await words({ hits: hits(["mug", 0.19]), found: 0 }), "Not found.");
   assert.equal(await words({ hits: hits(["mug", 0.19]), found: 0, stored: true }), "No other similar object found.");
   assert.equal(await words({ hits: [], found: 0, filtered: true }), "Not found with these filters.");
-  const score = (value) => [{ name: "mug", probability: null, score: value }];
+  const score = (value) => [{ name: "mug", probability: null, verdict: null, score: value }];
   assert.equal(await words({ hits: score(0.5) }), "Perhaps: mug.", "without probabilities nothing is sure");
   assert.equal(await words({ hits: score(0.19) }), "Not found.");
   const advice = async (given) => (await call("words.js", "adviceWords", given)).value;
@@ -193,13 +196,13 @@ test("the focus goes to what was added, or to what unfolds it", async () => {
     const { addHits, clearHits, focusHit, showRest } = await import("/assets/results.js");
     for (const id of ["workspace", "results-panel"]) document.getElementById(id).hidden = false;
     clearHits();
-    addHits(list.map((probability, i) => ({ image_id: `none-${i}`, name: `hit ${i}`, rank: i + 1, score: 0, probability })),
+    addHits(list.map(([probability, verdict], i) => ({ image_id: `none-${i}`, name: `hit ${i}`, rank: i + 1, score: 0, probability, verdict })),
             new Map(), () => {});
     showRest(0);
     document.activeElement.blur();
     focusHit(1);
     return document.activeElement.id || document.activeElement.querySelector(".name")?.textContent;
-  }, probabilities);
+  }, probabilities.map((one) => [one, verdictOf(one)]));
   assert.deepEqual([await focused([0.9, 0.8]), await focused([0.9, 0.1]), await focused([0.9])],
                    ["2. hit 1", "weaker-toggle", "1. hit 0"]);
   await house.closePage(page);
