@@ -41,6 +41,8 @@ Json ResultJson(const RetrievalResult& row) {
           {"found_wrong", row.mean.found_wrong},
           {"absent_queries", row.absent.asked},
           {"false_alarms", row.absent.alarms},
+          {"left_out_queries", row.left_out.asked},
+          {"left_out_alarms", row.left_out.alarms},
           {"spread",
            {{"accuracy_at", row.spread.accuracy_at},
             {"map", row.spread.map},
@@ -119,11 +121,15 @@ std::string RetrievalReportText(const RetrievalReport& report) {
                                {"/object_top1", "object@1"}}));
   if (!finders.empty()) {
     text +=
-        "\n\nfound: share of the queries; and false alarms of queries that show no known object\n" +
+        "\n\nfound: share of the queries; and false alarms of queries that show no known object, "
+        "and "
+        "of all queries when their object is left out\n" +
         TableOf(finders, Named({{"/found_right", "right"},
                                 {"/found_wrong", "wrong"},
                                 {"/absent_queries", "absent"},
-                                {"/false_alarms", "false alarms"}}));
+                                {"/false_alarms", "false alarms"},
+                                {"/left_out_queries", "object left out"},
+                                {"/left_out_alarms", "false alarms"}}));
   }
   return text + "\n\nmilliseconds per query by stage, and bytes per image\n" +
          TableOf(rows, Named({{"/milliseconds/decode", "decode", 1},

@@ -173,6 +173,7 @@ class Run {
     row->times.describe = extraction_.describe;
     row->refused = gallery_.refused_queries();
     row->absent = gallery_.AskAbsent(search);
+    row->left_out = gallery_.AskLeftOut(search);
     if (std::ranges::none_of(gallery_.set().images, [](const RetrievalImage& image) {
           return image.is_query && image.is_searched;
         })) {

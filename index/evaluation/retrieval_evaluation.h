@@ -61,6 +61,7 @@ struct RetrievalResult {
   std::optional<ObjectAnswer> object;  // first seed; absent if queries are also in the gallery
   std::size_t refused = 0;             // queries, which count as misses
   AbsentAnswers absent;                // first seed
+  AbsentAnswers left_out;              // first seed: the queries without their object
   std::vector<NamedAnswer> answers;    // first seed, with RetrievalOptions::keep_answers
   RetrievalTimes times;                // first seed
   double stored_bytes_per_image = 0;

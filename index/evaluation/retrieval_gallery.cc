@@ -258,6 +258,25 @@ AbsentAnswers RetrievalGallery::AskAbsent(SearchOptions search) {
   return answers;
 }
 
+AbsentAnswers RetrievalGallery::AskLeftOut(SearchOptions search) {
+  search.limit = 1;
+  AbsentAnswers answers;
+  for (const std::size_t q : queries_) {
+    if (ids_[q].empty()) continue;
+    search.without.clear();
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      const bool same = set_.images[i].object == set_.images[q].object;
+      if (same && set_.images[i].is_searched && !ids_[i].empty()) search.without.push_back(ids_[i]);
+    }
+    if (search.without.size() > kMaxExcluded) continue;
+    const SearchResult result = Search(q, search);
+    if (!result.found) return {};
+    ++answers.asked;
+    if (*result.found > 0) ++answers.alarms;
+  }
+  return answers;
+}
+
 std::size_t RetrievalGallery::refused_queries() const {
   return static_cast<std::size_t>(std::count_if(queries_.begin(), queries_.end(),
                                                 [&](std::size_t q) { return ids_[q].empty(); }));

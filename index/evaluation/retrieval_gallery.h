@@ -63,7 +63,7 @@ struct NamedAnswer {
   std::vector<NamedHit> hits;
 };
 
-// Of the images whose object is absent.
+// Of queries whose object is absent.
 struct AbsentAnswers {
   std::size_t asked = 0;   // without refused queries
   std::size_t alarms = 0;  // queries with a hit that counts as found
@@ -96,6 +96,10 @@ class RetrievalGallery {
 
   // Asks the absent images of the set.
   AbsentAnswers AskAbsent(SearchOptions search);
+
+  // Asks every query again without the images of its object, at most kMaxExcluded: is something
+  // similar found? Nothing without probabilities.
+  AbsentAnswers AskLeftOut(SearchOptions search);
 
   // Queries that were refused.
   std::size_t refused_queries() const;

@@ -7,12 +7,14 @@
 
 REAL holds one folder per set. The program names missing sets and skips them. `--model` measures other
 weights. Every query counts: refused queries are misses, and also have a column. "Found right" and "found wrong"
-are the shares of queries whose first hit counts as found (probability 0.9 or more). `--absent` adds queries that
-show no object of the set, and counts false alarms.
+are the shares of queries whose first hit counts as found (probability 0.9 or more). "Left out" counts the queries
+that find something when their object is taken out. `--absent` adds queries that show no object of the set, and
+counts false alarms. Shares of queries have intervals of 95 % (Wilson 1927).
 """
 import argparse
 import dataclasses
 import json
+import math
 import os
 import pathlib
 import subprocess
@@ -66,14 +68,25 @@ def measure(real_set, options):
             for result in report["results"]]
 
 
+def interval(share, of):
+    """The share with its interval of 95 % (Wilson 1927)."""
+    z = 1.96
+    middle = (share + z * z / (2 * of)) / (1 + z * z / of)
+    half = z * math.sqrt(share * (1 - share) / of + z * z / (4 * of * of)) / (1 + z * z / of)
+    return f"{share:.3f} ({max(0, middle - half):.3f} to {min(1, middle + half):.3f})"
+
+
 def table(rows):
-    lines = ["| set | descriptor | protocol | words | figure | value | queries | refused | found right | found wrong | false alarms | ms per query |",
-             "|---|---|---|---|---|---|---|---|---|---|---|---|"]
+    lines = ["| set | descriptor | protocol | words | figure | value | queries | refused | found right | found wrong | left out | false alarms "
+             "| ms per query |", "|---|---|---|---|---|---|---|---|---|---|---|---|---|"]
     for row in rows:
         alarms = f"{row['false_alarms']:.0f} of {row['absent_queries']}" if row["absent_queries"] else ""
-        lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['words']:.0f} | {row['metric']} | {row['value']:.3f} "
-                     f"| {row['queries']} | {row['refused_queries']} | {row['found_right']:.3f} | {row['found_wrong']:.3f} | {alarms} "
-                     f"| {1000 * row['seconds_per_query']:.0f} |")
+        queries = row["queries"]
+        value = interval(row["value"], queries) if row["metric"] == "top-1" else f"{row['value']:.3f}"
+        left_out = f"{row['left_out_alarms']:.0f} of {row['left_out_queries']}" if row["left_out_queries"] else ""
+        lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['words']:.0f} | {row['metric']} | {value} | {queries} "
+                     f"| {row['refused_queries']} | {interval(row['found_right'], queries)} | {interval(row['found_wrong'], queries)} | {left_out} "
+                     f"| {alarms} | {1000 * row['seconds_per_query']:.0f} |")
     return "\n".join(lines)
 
 
