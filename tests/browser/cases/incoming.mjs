@@ -228,7 +228,7 @@ test("what is no photo is told by its first bytes", async () => {
     const { adviceFor } = await import("/assets/incoming.js");
     const bytes = (text) => Uint8Array.from(text, (c) => c.charCodeAt(0));
     return ["\xff\xd8\xff\xe0", "II*\0", "\0\0\0\x20ftypavif\0\0\0\0avifmif1miaf", "\0\0\0\x18ftypmif1\0\0\0\0mif1heic", "words", "",
-            "%PDF-1", "\0\0\0\x14ftypqt  ", "\0\0\0\x18ftypisom\0\0\2\0isomiso2", "\x1aE\xdf\xa3", "<svg>"]
+            "%PDF-1", "\0\0\0\x14ftypqt  ", "\0\0\0\x18ftypisom\0\0\x02\0isomiso2", "\x1aE\xdf\xa3", "<svg>"]
       .map((text) => adviceFor(bytes(text))?.split(" ")[1] ?? "photo");
   });
   assert.deepEqual(advice, ["photo", "photo", "photo", "photo", "photo", "photo", "PDF", "video", "video", "video", "SVG"]);
