@@ -62,7 +62,7 @@ bool Decode(std::string_view text, const Values& values, Container* bytes) {
   std::uint32_t group = 0;
   int bits = 0;
   for (const char c : text) {
-    const int value = values[static_cast<unsigned char>(c)];
+    const std::int8_t value = values[static_cast<unsigned char>(c)];
     if (value == kBlank) continue;
     if (value < 0) return false;
     group = (group << 6 | static_cast<std::uint32_t>(value)) & 0xffff;

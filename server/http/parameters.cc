@@ -96,7 +96,9 @@ bool IsNumberIn(const Json& value, double lowest, double highest) {
 
 // What the value must be, for people; empty = it is.
 std::string WantedOf(const Parameter& spec, const Json& value) {
-  const auto unless = [](bool fits, std::string wanted) { return fits ? std::string() : wanted; };
+  const auto unless = [](bool fits, std::string wanted) {
+    return fits ? std::string() : std::move(wanted);
+  };
   switch (spec.type) {
     case Type::kText:
       return unless(value.is_string(), "text");
