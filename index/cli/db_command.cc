@@ -289,7 +289,7 @@ std::int64_t ExportRecords(Engine& engine, ImageListing list, const std::filesys
   const bool csv = out.extension() == ".csv";
   std::uint64_t written = 0;
   std::int64_t images = 0;
-  if (csv) {
+  if (csv && file) {
     file->Write(0, kCsvHeader);
     written = std::string_view(kCsvHeader).size();
   }

@@ -70,14 +70,14 @@ class Walk {
       }
     } else if (fs::is_regular_file(status)) {
       if (depth > 0 && !LooksLikeImage(path)) return;
-      if (IsNew(path) || !is_link) found_.push_back({path, depth, below});
+      if (IsNew(path) || !is_link) found.push_back({path, depth, below});
     } else if (depth == 0) {
       throw Error(ErrorCode::kNotFound, "input_not_found",
                   path.string() + " is neither a folder nor a file" +
                       (error ? " (" + error.message() + ")" : ""));
     } else if (HasImageName(path)) {
-      skipped_.push_back({ToDisplayText(path.string()), "cannot_read",
-                          error ? error.message() : "it is neither a folder nor a file"});
+      skipped.push_back({ToDisplayText(path.string()), "cannot_read",
+                         error ? error.message() : "it is neither a folder nor a file"});
     }
   }
 
@@ -96,9 +96,9 @@ class Walk {
     int depth;       // 0 = named itself, 1 = directly in a named folder
     fs::path below;  // the way to its folder from there; empty for these
   };
-  std::vector<Found> found_;
-  std::vector<SkippedFile> skipped_;
-  std::uint64_t system_files_ = 0;
+  std::vector<Found> found;
+  std::vector<SkippedFile> skipped;
+  std::uint64_t system_files = 0;
 
  private:
   bool IsNew(const fs::path& path) {
@@ -112,7 +112,7 @@ class Walk {
                                         error);
     for (; !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
       std::error_code unknown;
-      if (it->is_regular_file(unknown) && !it->is_symlink(unknown)) ++system_files_;
+      if (it->is_regular_file(unknown) && !it->is_symlink(unknown)) ++system_files;
     }
   }
 
@@ -124,7 +124,7 @@ class Walk {
       if (!it->path().filename().native().starts_with('.')) entries.push_back(it->path());
     }
     if (error && IsOutOfFiles(error.value())) ThrowOutOfFiles("cannot read " + folder.string());
-    if (error) skipped_.push_back({ToDisplayText(folder.string()), "cannot_read", error.message()});
+    if (error) skipped.push_back({ToDisplayText(folder.string()), "cannot_read", error.message()});
     std::sort(entries.begin(), entries.end(),
               [](const fs::path& a, const fs::path& b) { return a.native() < b.native(); });
     for (const fs::path& entry : entries) {
@@ -170,11 +170,11 @@ ImageFiles FindImages(const std::vector<fs::path>& inputs, ObjectFrom object_fro
   for (const fs::path& input : inputs) walk.Visit(input, 0);
   walk.FollowLinks();
   ImageFiles files;
-  files.system_files = walk.system_files_;
-  files.skipped = std::move(walk.skipped_);
+  files.system_files = walk.system_files;
+  files.skipped = std::move(walk.skipped);
   const int outside = inputs.size() == 1 ? 1 : 0;  // the depth down to which images have no folder
   std::set<fs::path> seen;                         // a folder and a file in it may both be named
-  for (const Walk::Found& found : walk.found_) {
+  for (const Walk::Found& found : walk.found) {
     if (!seen.insert(found.path).second) continue;
     ObjectFrom from = object_from;
     if (from == ObjectFrom::kAuto) {

@@ -166,7 +166,7 @@ struct BulkImport {
       BulkItem item = items.Item(i);
       if (item.change) {
         const ImageRecord image =
-            services.engine.Change(job.collection, *item.request.id, *item.change);
+            services.engine.Change(job.collection, item.request.id.value_or(""), *item.change);
         outcome.json.update({{"status", 200},
                              {"outcome", "changed"},
                              {"image_id", image.id},
