@@ -201,6 +201,19 @@ TEST_F(RetrievalEvaluationTest, AbsentObjectsAreFalseAlarmsWhenTheyAreFound) {
   EXPECT_EQ(loud.results[0].absent.alarms, 1U);
 }
 
+TEST_F(RetrievalEvaluationTest, QueriesAreAskedAgainWithoutTheirObject) {
+  // Another object that shows the same as o1.
+  WriteBytes(folder_ / "set/twin/ref.png", OtherViewPng(200));
+  WriteBytes(folder_ / "set/twin/1.png", RandomPng(1));
+  options_.protocols = {RetrievalProtocol::kDefault, RetrievalProtocol::kUnverified};
+  options_.words = {0};
+  options_.seeds = 1;
+  const RetrievalReport report = EvaluateRetrieval(Set(), options_);
+  EXPECT_EQ(report.results[0].left_out.asked, kObjects + 1U);
+  EXPECT_EQ(report.results[0].left_out.alarms, 1U);
+  EXPECT_EQ(report.results[1].left_out.asked, 0U) << "without probabilities nothing is found";
+}
+
 TEST_F(RetrievalEvaluationTest, TheCacheChangesNothing) {
   TemporaryFolder more;
   for (std::uint64_t i = 1; i <= 4; ++i)
