@@ -49,12 +49,12 @@ void CheckMemory(const ScannedImage& scanned, int reduction, const DecodeOptions
                   " of memory. Scale it down, or save it as a non-progressive JPEG.");
 }
 
-// libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that still covers max_side.
-int JpegReduction(const ImageHeader& header, int max_side_px) {
-  if (header.format != ImageFormat::kJpeg || max_side_px <= 0) return 1;
-  const std::int64_t longer = std::max(header.width, header.height);
+// libjpeg can decode at 1/2, 1/4 or 1/8 of the size; take the smallest that is not below
+// the wanted size.
+int JpegReduction(const ImageHeader& header, const ScaledSize& wanted) {
+  if (header.format != ImageFormat::kJpeg) return 1;
   int reduction = 1;
-  while (reduction < 8 && longer / (reduction * 2) >= max_side_px) reduction *= 2;
+  while (reduction < 8 && wanted.scale * reduction * 2 <= 1) reduction *= 2;
   return reduction;
 }
 
@@ -184,8 +184,9 @@ void ReadBoth(Bytes bytes, const ImageHeader& header, const Wanted& wanted, Deco
     decoded->thumbnail = ThumbnailFrom(ThumbnailOf(*planes, wanted.StoredThumbnail()), wanted);
     if (!planes->damaged) pixels = planes->grey;
   } else if (header.format == ImageFormat::kJpeg && !wanted.colour) {
-    const int coarse =
-        JpegReduction(header, std::max(wanted.thumbnail.width, wanted.thumbnail.height));
+    ScaledSize small = wanted.thumbnail;
+    small.scale *= wanted.size.scale;
+    const int coarse = JpegReduction(header, small);
     decoded->thumbnail = ThumbnailFrom(Read(bytes, header, true, coarse), wanted);
   }
   // A thumbnail that is made of these pixels has their colours.
@@ -204,22 +205,24 @@ DecodedImage Decode(Bytes bytes, const DecodeOptions& options) {
   }
   ScannedImage scanned = ScanImage(bytes);
   const ImageHeader& header = scanned.header;
-  const int reduction = JpegReduction(header, options.max_side_px);
   CheckLimits(header, options);
+  const bool turned = header.exif_orientation >= 5;
+  const auto width = static_cast<int>(turned ? header.height : header.width);
+  const auto height = static_cast<int>(turned ? header.width : header.height);
+  const ScaledSize size = ScaleToFit(width, height, options.max_side_px);
+  const int reduction = JpegReduction(header, size);
   CheckMemory(scanned, reduction, options);
   CheckStructure(bytes, scanned);
   CheckMemory(scanned, reduction, options);  // now all that is needed is known
 
   DecodedImage decoded;
   decoded.format = header.format;
-  const bool turned = header.exif_orientation >= 5;
-  decoded.original_width = static_cast<int>(turned ? header.height : header.width);
-  decoded.original_height = static_cast<int>(turned ? header.width : header.height);
-  Wanted wanted{
-      .reduction = reduction,
-      .orientation = header.exif_orientation,
-      .colour = options.colour,
-      .size = ScaleToFit(decoded.original_width, decoded.original_height, options.max_side_px)};
+  decoded.original_width = width;
+  decoded.original_height = height;
+  Wanted wanted{.reduction = reduction,
+                .orientation = header.exif_orientation,
+                .colour = options.colour,
+                .size = size};
   decoded.scale = wanted.size.scale;
   if (options.thumbnail_side_px > 0) {
     wanted.thumbnail = ScaleToFit(wanted.size.width, wanted.size.height, options.thumbnail_side_px);
@@ -245,7 +248,13 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options) {
 ScaledSize ScaleToFit(int width, int height, int max_side_px) {
   const int longer = std::max(width, height);
   if (max_side_px <= 0 || longer <= max_side_px) return {width, height, 1.0};
-  const double scale = static_cast<double>(max_side_px) / longer;
+  const double side = max_side_px;
+  const double shorter = std::min(width, height);
+  double scale = side / longer;
+  if (shorter * scale < side / 4) {
+    const double of_area = side * std::sqrt(0.75 / (longer * shorter));  // as 4:3 has
+    scale = std::min({side / 4 / shorter, of_area, 1.0});
+  }
   const auto scaled = [&](int side) {
     return std::max(1, static_cast<int>(std::lround(side * scale)));
   };

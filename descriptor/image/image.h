@@ -72,8 +72,8 @@ struct ImageHeader {
 };
 
 struct DecodeOptions {
-  int max_side_px = 1024;                 // longer side; larger images are scaled; 0 = no limit
-  std::int64_t max_pixels = 100'000'000;  // checked in the header, before decoding
+  int max_side_px = 1024;                       // see ScaleToFit; 0 = no limit
+  std::int64_t max_pixels = 100'000'000;        // checked in the header, before decoding
   std::int64_t max_bytes = 64LL * 1024 * 1024;  // of the encoded file
   // Limit of memory for decoding, estimated from the header. 100 megapixels of baseline JPEG need
   // little, of 16-bit colour with transparency 1.2 GB.
@@ -108,7 +108,9 @@ DecodedImage DecodeImage(Bytes bytes, const DecodeOptions& options = {});
 // DecodeImage, or a function that does the same in another process. Thread-safe; throws the same.
 using ImageDecoder = std::function<DecodedImage(Bytes bytes, const DecodeOptions& options)>;
 
-// A size scaled down to a longer side of at most `max_side_px` pixels; 0 = not scaled.
+// A size scaled down to a longer side of at most `max_side_px` pixels; 0 = not scaled. Panoramas,
+// which are over four times as long as wide, keep up to a quarter of that as their shorter side,
+// and no more pixels than an image of 4:3.
 struct ScaledSize {
   int width = 0;
   int height = 0;
@@ -135,8 +137,8 @@ Image CutOut(const Image& image, const PixelBox& box);
 // Scales to exactly width x height: bicubic to a larger image, otherwise by averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
-// For a process that can soon open no files and start no threads of its own: loads what DecodeImage
-// loads when it needs it; ResizeImage starts no threads from now on.
+// Before a process restricts itself to open no files: loads the plugins of the decoders. From now
+// on ResizeImage starts no threads.
 void PrepareForSandbox();
 
 }  // namespace pliant

@@ -214,6 +214,25 @@ cv::Mat OnGround(const cv::Mat& print, int ground) {
   return opaque;
 }
 
+TEST(DecodeImage, PanoramasKeepTheirHeight) {
+  const auto expect = [](int width, int height, int scaled_width, int scaled_height) {
+    const ScaledSize size = ScaleToFit(width, height, 1024);
+    EXPECT_EQ(size.width, scaled_width);
+    EXPECT_EQ(size.height, scaled_height);
+  };
+  expect(20'000, 500, 5609, 140);  // as many pixels as 1024 x 768
+  expect(500, 20'000, 140, 5609);
+  expect(5000, 1000, 1280, 256);  // a quarter of 1024
+  expect(4000, 1000, 1024, 256);
+  expect(1500, 100, 1500, 100);
+  const Image panorama = testing::NoiseImage(6000, 150, 1);
+  const DecodedImage decoded = DecodeImage(EncodeJpeg(panorama), {.thumbnail_side_px = 320});
+  EXPECT_EQ(decoded.image.width, 5609);
+  EXPECT_EQ(decoded.image.height, 140);
+  EXPECT_EQ(decoded.thumbnail.height, 44);
+  EXPECT_EQ(decoded.original_height, 150);
+}
+
 TEST(DecodeImage, TransparencyBecomesAGroundOfContrast) {
   const cv::Scalar black(0, 0, 0, 255);
   const cv::Scalar blue(200, 60, 30, 255);
