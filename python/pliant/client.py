@@ -74,6 +74,10 @@ class Client:
         """Sets the display name of this client's collection; None: back to its own name."""
         return self._patch(self._base, {"display_name": name})
 
+    def set_found_from(self, probability: float | None) -> Json:
+        """Sets from which probability on, 0.5 to 0.99, a hit of this client's collection is found; None: 0.9."""
+        return self._patch(self._base, {"found_from": probability})
+
     def drop(self) -> None:
         """Deletes this client's collection with all its contents and its aliases."""
         self._ask("DELETE", self._base)
@@ -275,6 +279,20 @@ class Client:
         or with `wait=False`, when it starts."""
         job = self._ask("POST", f"{self._base}/vocabularies", **_json_body(options))
         return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
+
+    def self_test(self, *, wait: bool = True, timeout: float | None = None,
+                  progress: Callable[[Json], object] | None = None, **options: float) -> Json:
+        """Searches for simulated photos of the collection's images (options: pictures, false_alarms, seed). Returns the
+        report of how well that works; with `wait=False`, the job."""
+        job = self._ask("POST", f"{self._base}/selftest", **_json_body(options))
+        if not wait:
+            return job
+        self.wait(job["id"], timeout=timeout, progress=progress)
+        return self.self_test_report()
+
+    def self_test_report(self) -> Json:
+        """The report of the collection's last self-test."""
+        return self._ask("GET", f"{self._base}/selftest")
 
     def vocabularies(self) -> list[Json]:
         """All vocabularies of the collection."""

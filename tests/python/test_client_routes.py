@@ -32,6 +32,8 @@ CALLS = {
     "collections.list": lambda client, file: client.collections(),
     "collections.patch": lambda client, file: client.set_display_name("Shelf"),
     "collections.put": lambda client, file: client.create(),
+    "collections.test": lambda client, file: client.self_test(pictures=2, wait=False),
+    "collections.tested": lambda client, file: client.self_test_report(),
     "compare": lambda client, file: client.compare(b"a", b"b"),
     "images.content": lambda client, file: client.content("a"),
     "images.create": lambda client, file: client.add(b"a"),
