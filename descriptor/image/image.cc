@@ -255,8 +255,8 @@ ScaledSize ScaleToFit(int width, int height, int max_side_px) {
     const double of_area = side * std::sqrt(0.75 / (longer * shorter));  // as 4:3 has
     scale = std::min({side / 4 / shorter, of_area, 1.0});
   }
-  const auto scaled = [&](int side) {
-    return std::max(1, static_cast<int>(std::lround(side * scale)));
+  const auto scaled = [&](int pixels) {
+    return std::max(1, static_cast<int>(std::lround(pixels * scale)));
   };
   return {scaled(width), scaled(height), scale};
 }

@@ -225,8 +225,8 @@ TEST(DecodeImage, PanoramasKeepTheirHeight) {
   expect(5000, 1000, 1280, 256);  // a quarter of 1024
   expect(4000, 1000, 1024, 256);
   expect(1500, 100, 1500, 100);
-  const Image panorama = testing::NoiseImage(6000, 150, 1);
-  const DecodedImage decoded = DecodeImage(EncodeJpeg(panorama), {.thumbnail_side_px = 320});
+  const DecodedImage decoded =
+      DecodeImage(EncodeAs(testing::NoiseImage(6000, 150, 1), ".jpg"), {.thumbnail_side_px = 320});
   EXPECT_EQ(decoded.image.width, 5609);
   EXPECT_EQ(decoded.image.height, 140);
   EXPECT_EQ(decoded.thumbnail.height, 44);
