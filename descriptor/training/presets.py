@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 
+from . import geometry
 from .batches import BatchOptions
 
 
@@ -42,6 +43,7 @@ class Stage:
 @dataclass(frozen=True)
 class Preset:
     stages: tuple[Stage, ...]
+    spacing: str = geometry.LOGARITHMIC  # of the polar grid's rings, for weights that start from nothing
     dropout: float = 0.1
     patch_noise: float = 0.02          # standard deviation of the noise on patches, up to this
     checkpoint_seconds: float = 120
@@ -89,8 +91,9 @@ def _distill(steps: tuple[int, int], correspondences: int, crop_px: int) -> tupl
 def _paper() -> Preset:
     # Section 4: batches of 8 pairs x up to 128 correspondences, Adam 5e-5. The rate holds for
     # weights that start from ImageNet; from scratch a higher one with a cosine does better.
+    # The rings are linear in the paper's code.
     stages = _stages((10000, 5000, 25000), 1024, 320, (1e-3, 5e-4))
-    return Preset(tuple(dataclasses.replace(s, batch=dataclasses.replace(s.batch, per_pair=128)) for s in stages))
+    return Preset(tuple(dataclasses.replace(s, batch=dataclasses.replace(s.batch, per_pair=128)) for s in stages), geometry.LINEAR)
 
 
 def _gpu() -> Preset:

@@ -20,7 +20,7 @@ from .backbone import gabor_start
 from .batches import SceneSet
 from .checkpoint import read_checkpoint
 from .model import SHAPES, Deal, LocalizationNet, Shape, load_model
-from .presets import PRESETS, preset
+from .presets import PRESETS, Preset, preset
 from .schedule import parse_deadline
 from .teacher import Teacher
 from .trainer import Run, Trainer
@@ -43,11 +43,11 @@ def resumed_model(run: Path) -> Deal | None:
 def starting_model(init: Path | None, init_warp: Path | None, seed: int, spacing: str | None = None,
                    shape: str = "deal") -> Deal:
     """Fresh weights (Gabor start for the backbone), or those of files: init gives everything,
-    init_warp overrides backbone and localisation network. The rings' spacing is that of the file
-    unless another one is given; fresh weights start with logarithmic rings."""
+    init_warp overrides backbone and localisation network. Without `spacing`, the rings are those of the
+    file, or those of most presets."""
     torch.manual_seed(seed)
     if init is None and init_warp is None:
-        model = Deal(SHAPES[shape], spacing or geometry.LOGARITHMIC)
+        model = Deal(SHAPES[shape], spacing or Preset.spacing)
         gabor_start(model.backbone)
         return model
     model, _ = load_model(init or init_warp)
@@ -71,7 +71,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--init", type=Path, help="weights to start from")
     parser.add_argument("--init-warp", type=Path, help="backbone and localisation network to start from")
     parser.add_argument("--spacing", choices=geometry.SPACINGS,
-                        help="of the polar grid's rings; default: that of --init or --teacher, else logarithmic")
+                        help="of the polar grid's rings; default: that of --init, --init-warp or --teacher, else the preset's")
     parser.add_argument("--steps", type=int, help="overrides the stage's number of steps")
     parser.add_argument("--until", help="HH:MM or HH:MM:SS UTC: schedule by the clock instead of by steps")
     parser.add_argument("--seconds", type=float, default=0, help="stop with a checkpoint after this long")
@@ -91,8 +91,8 @@ def main() -> None:
         sys.exit("the stages distill-warp and distill-head need --teacher, and no other stage takes it")
     teacher = None if arguments.teacher is None else Teacher(arguments.teacher, device)
     spacing = arguments.spacing
-    if spacing is None and teacher is not None and arguments.init is None:
-        spacing = teacher.model.spacing
+    if spacing is None and arguments.init is None and arguments.init_warp is None:
+        spacing = recipe.spacing if teacher is None else teacher.model.spacing
     model = resumed_model(arguments.run)
     if model is None:
         model = starting_model(arguments.init, arguments.init_warp, arguments.seed, spacing, arguments.shape)

@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 import dataclasses
+import sys
 import unittest
+from unittest import mock
 
 import torch
 
 import planar_scenes
-from descriptor.training import geometry, runtime, trainer
+from descriptor.training import geometry, runtime, train, trainer
 from descriptor.training.batches import SceneSet
 from descriptor.training.checkpoint import read_csv
-from descriptor.training.model import load_model
+from descriptor.training.model import Deal, Shape, load_model, save_model
 from descriptor.training.presets import preset
 from descriptor.training.train import starting_model
 from descriptor.training.validation import development_pairs
@@ -80,6 +82,22 @@ class TrainerTest(unittest.TestCase):
         self.assertEqual(changed, {"backbone.layer2"})
         with self.assertRaisesRegex(ValueError, "sometimes"):
             self.run_stage("odd", "joint", train_backbone="sometimes")
+
+    def test_rings_are_the_presets_unless_weights_or_the_user_say_otherwise(self):
+        files = {}
+        for spacing in geometry.SPACINGS:
+            files[spacing] = str(self.root / f"{spacing}.safetensors")
+            save_model(files[spacing], Deal(Shape(hidden=(8, 8, 8)), spacing), {"radius_per_size": "9"})
+        for recipe, options, expected in (
+                ("paper", (), geometry.LINEAR), ("gpu", (), geometry.LOGARITHMIC), ("cpu", (), geometry.LOGARITHMIC),
+                ("paper", ("--spacing", "logarithmic"), geometry.LOGARITHMIC),
+                ("paper", ("--init", files["logarithmic"]), geometry.LOGARITHMIC),
+                ("paper", ("--init-warp", files["logarithmic"]), geometry.LOGARITHMIC), ("cpu", ("--init", files["linear"]), geometry.LINEAR)):
+            command = ["train", "--preset", recipe, "--stage", "joint", "--scenes", str(self.root / "scenes"),
+                       "--run", str(self.root / "never"), *options]
+            with mock.patch.object(sys, "argv", command), mock.patch.object(train, "Trainer") as begun:
+                train.main()
+            self.assertEqual(begun.call_args.args[1].spacing, expected, command)
 
     def test_a_run_folder_belongs_to_one_stage(self):
         self.run_stage("mine", "hardnet", steps=1).train()
