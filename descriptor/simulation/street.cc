@@ -146,9 +146,8 @@ Focus DrawFocus(const Stage& stage, const Subject& subject, float enlarge, Rando
   const auto h = static_cast<float>(stage.options.height);
   Focus focus;
   focus.place = subject.place;
-  focus.width_px = 
-      w * std::min(0.75F, enlarge * random.LogUniform(stage.options.least_width,
-                                                      stage.options.most_width));
+  focus.width_px = w * std::min(0.75F, enlarge * random.LogUniform(stage.options.least_width,
+                                                                   stage.options.most_width));
   focus.at = {w * random.Uniform(0.28F, 0.72F), h * random.Uniform(0.28F, 0.72F)};
   return focus;
 }

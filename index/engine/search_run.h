@@ -53,8 +53,7 @@ void Judge(const Hits& hits, SearchResult* result) {
   const auto found = std::ranges::count_if(
       hits, [&](const auto& hit) { return hit.probability >= result->found_from; });
   result->found = static_cast<std::size_t>(found);
-  result->perhaps =
-      found == 0 && !hits.empty() && hits.front().probability >= kPerhapsProbability;
+  result->perhaps = found == 0 && !hits.empty() && hits.front().probability >= kPerhapsProbability;
 }
 
 class SearchRun {

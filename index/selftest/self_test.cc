@@ -232,8 +232,8 @@ SelfTestReport RunSelfTest(Engine& engine, const SelfTestOptions& options) {
   if (report.photos.empty()) {
     throw Error(ErrorCode::kNotFound, "content_not_kept",
                 "The collection \"" + options.collection +
-                    "\" stores no image files, so none can be photographed. Index the images with "
-                    "--keep-originals.");
+                    "\" stores no image files, so none can be photographed. Keep the "
+                    "originals of images when you add them.");
   }
   Calibrate(options.false_alarms, &report);
   CollectAlike(&report);

@@ -16,7 +16,7 @@ ROOMS = {
     "descriptor": ["base", "image", "warp", "simulation", "features", "match", "drawing", "deal",
                    "evaluation", "training"],
     "index": ["files", "records", "store", "store/sql", "store/sqlite", "store/postgres", "rank", "verify", "engine", "json",
-              "import", "tracking", "evaluation", "usage", "cli"],
+              "selftest", "import", "tracking", "evaluation", "usage", "cli"],
     "server": [("decoder", "http", "web"), "fetch", ("auth", "jobs", "openapi"), "routes", "app"],
     "python": ["native"],
 }

@@ -117,7 +117,7 @@ TEST_F(SelfTestTest, NamesTwinsAndPlainImages) {
   const AlikeObjects& twins = report.alike.front();
   EXPECT_THAT((std::vector{twins.object, twins.other}),
               ::testing::UnorderedElementsAre("map", "old map"));
-    EXPECT_FALSE(report.reaches_rate);
+  EXPECT_FALSE(report.reaches_rate);
   EXPECT_EQ(report.found_from, kMostFoundFrom);
   ASSERT_EQ(report.plain.size(), 1U);
   EXPECT_EQ(report.plain.front().object, "wall");
