@@ -233,7 +233,10 @@ TEST_F(RetrievalEvaluationTest, TheCacheChangesNothing) {
     }
   }
   // One as the paper describes images, one as the product does.
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(options_.cache), {}), 2);
+  EXPECT_EQ(
+      std::ranges::count_if(std::filesystem::directory_iterator(options_.cache),
+                            [](const auto& file) { return file.path().extension() == ".db"; }),
+      2);
 }
 
 TEST_F(RetrievalEvaluationTest, RowsForEachDescriptorAndSize) {
