@@ -100,7 +100,7 @@ std::string Offered(const std::string& words) {
 
 TEST_F(CliTest, BashCompletes) {
   EXPECT_EQ(Offered("que"), "query\n");
-  EXPECT_THAT(Offered("\"\""), StartsWith("index query vocab db "));
+  EXPECT_THAT(Offered("\"\""), StartsWith("index query selftest vocab db "));
   EXPECT_EQ(Offered("db ex"), "export\n");
   EXPECT_EQ(Offered("db export x.npz --ob"), "--object\n");
   EXPECT_EQ(Offered("index objects --j"), "--jobs --json\n");

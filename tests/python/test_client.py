@@ -126,9 +126,9 @@ class Served(FolderCase):
         client.train(words=40, activate=False)
         client.use(client.vocabularies()[-1]["id"])
         self.assertTrue(client.vocabularies()[-1]["active"])
-        with self.fails(pliant.ConflictError, "imports_off"):
+        with self.fails(pliant.ForbiddenError, "imports_off"):
             client.import_folder()
-        with self.fails(pliant.ConflictError, "backups_off"):
+        with self.fails(pliant.ForbiddenError, "backups_off"):
             client.backups()
         root = client.create_key("root", "admin")
         admin = pliant.Client(self.address, root["key"])
