@@ -9,6 +9,7 @@
 #include <libheif/heif.h>
 #include <opencv2/imgproc.hpp>
 
+#include "descriptor/base/strings.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
@@ -69,7 +70,7 @@ bool IsCutShort(Bytes bytes) {
       error.subcode != heif_suberror_Security_limit_exceeded) {
     throw std::bad_alloc();
   }
-  ThrowUndecodable(error.message);
+  ThrowUndecodable(std::string(Trimmed(error.message)));
 }
 
 }  // namespace

@@ -44,11 +44,14 @@ class OpenApiTest : public ::testing::Test {
     auto client = server_->Client();
     document_ = Json::parse(client.Get("/v1/openapi.json")->body);
     PrepareState();
-    const auto accepted =
-        client.Post("/v1/collections/default/vocabularies", R"({"words": 20})", "application/json");
-    job_ = Json::parse(accepted->body)["id"];
-    while (Json::parse(client.Get("/v1/jobs/" + job_)->body)["finished_at"].is_null()) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    for (const auto& [path, body] : {std::pair("vocabularies", R"({"words": 20})"),
+                                     std::pair("selftest", R"({"pictures": 1})")}) {
+      const auto accepted =
+          client.Post(std::string("/v1/collections/default/") + path, body, "application/json");
+      job_ = Json::parse(accepted->body)["id"];
+      while (Json::parse(client.Get("/v1/jobs/" + job_)->body)["finished_at"].is_null()) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
     }
     const Json list = Json::parse(client.Get("/v1/collections/default/vocabularies")->body);
     vocabulary_ = list["vocabularies"].back()["id"].dump();

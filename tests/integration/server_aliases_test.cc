@@ -108,7 +108,7 @@ TEST_F(AliasesTest, AnErrorRepeatsLittleOfTheRequest) {
   expect(client.Post("/v1/collections/spring/search", R"({"image_id": )" + quoted + "}", kJson),
          404);
   expect(client.Post("/v1/collections/spring/search", R"({"image_url": )" + quoted + "}", kJson),
-         409);
+         403);
 }
 
 TEST_F(AliasesTest, NamesForPeopleAreShownAndTakenBack) {

@@ -111,7 +111,7 @@ TEST_F(AuthTest, AKeyIsToldWhatItMayDo) {
   const Json everybody = Json::parse(stranger.Get("/v1/me")->body);
   EXPECT_EQ(everybody, Json::parse(R"({"keys_required": false, "key": null,
                                        "scopes": ["read", "write", "admin"],
-                                       "image_url": false})"));
+                                       "image_url": false, "backups": false})"));
   // A key that is not needed is not looked at.
   EXPECT_EQ(stranger.Get("/v1/me", {{"X-API-Key", "plk_00000000_x"}})->status, 200);
   const std::vector<std::pair<std::string, Json>> scopes = {

@@ -88,7 +88,7 @@ TEST(DecodePart, IsNoLargerThanAskedForAndDecodesOnceWhereThatIsEnough) {
 }
 
 TEST(DecodePart, TheWholeImageHasALimitOfItsOwn) {
-  const auto bytes = NoiseFile(6000, 20, 4);
+  const auto bytes = NoiseFile(6000, 1600, 4);
   const auto view = DecodePart(bytes, {100, 0, 50, 20}, 1024, DecodeImage, {});
   EXPECT_NEAR(view->decoded.scale, 4096.0 / 6000, 1e-3);
   EXPECT_EQ(
