@@ -9,7 +9,6 @@
 #include <libheif/heif.h>
 #include <opencv2/imgproc.hpp>
 
-#include "descriptor/base/strings.h"
 #include "descriptor/image/image_header.h"
 
 namespace pliant {
@@ -70,7 +69,9 @@ bool IsCutShort(Bytes bytes) {
       error.subcode != heif_suberror_Security_limit_exceeded) {
     throw std::bad_alloc();
   }
-  ThrowUndecodable(std::string(Trimmed(error.message)));
+  std::string message = error.message;  // some end with a line break
+  message.erase(message.find_last_not_of(" \n") + 1);
+  ThrowUndecodable(message);
 }
 
 }  // namespace

@@ -80,12 +80,12 @@ struct DecodeOptions {
   std::int64_t max_decode_bytes = 1LL << 30;
   int min_side_px = 16;       // smaller images are refused
   bool colour = false;        // decode to 3 channels instead of 1
-  int thumbnail_side_px = 0;  // longer side of an additional thumbnail; 0 = none
+  int thumbnail_side_px = 0;  // of an additional thumbnail, as max_side_px; 0 = none
 };
 
 struct DecodedImage {
   Image image;             // upright, at most max_side_px
-  Image thumbnail = {};    // upright, 3 channels, at most thumbnail_side_px; empty for none
+  Image thumbnail = {};    // upright, 3 channels, scaled to thumbnail_side_px; empty for none
   int original_width = 0;  // upright, before scaling
   int original_height = 0;
   double scale = 1.0;  // image width / original width

@@ -211,7 +211,7 @@ SelfTestReport RunSelfTest(Engine& engine, const SelfTestOptions& options) {
   SelfTestReport report;
   const std::vector<ImageRecord> subjects = DrawSubjects(engine, options, &report);
   if (subjects.empty()) {
-    throw Error(ErrorCode::kUnprocessable, "collection_empty",
+    throw Error(ErrorCode::kConflict, "no_images",
                 "The collection \"" + options.collection + "\" has no images. Add some first.");
   }
   std::ranges::stable_sort(report.plain, {}, &PlainImage::keypoints);

@@ -81,8 +81,8 @@ struct SelfTestReport {
 
 // Reads the collection, changes nothing. The same collection, options and program give the same
 // report but for the time. Throws Error: kInvalidArgument "option_out_of_range"; kNotFound
-// "collection_not_found", "content_not_kept" if no image has a stored file; kUnprocessable
-// "collection_empty"; kConflict "no_vocabulary"; kCancelled "cancelled".
+// "collection_not_found", "content_not_kept" if no image has a stored file; kConflict
+// "no_images", "no_vocabulary"; kCancelled "cancelled".
 SelfTestReport RunSelfTest(Engine& engine, const SelfTestOptions& options);
 
 }  // namespace pliant

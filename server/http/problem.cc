@@ -85,7 +85,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"no_space", 507, "the server's disk is full"},
     // Of the engine.
     {"self_test_not_found", 404, "the collection has no self-test yet"},
-    {"collection_empty", 422, "the collection has no images; add some first"},
     {"content_not_kept", 404, "the server did not store the uploaded bytes (--keep-originals)"},
     {"collection_permanent", 409, "the collection `default` cannot be deleted"},
     {"collection_is_alias", 409, "delete the collection by its own name, not by an alias"},
@@ -94,7 +93,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
      "the collection already has this image with another object or other metadata"},
     {"object_exists", 409, "another object has this name; `merge=true` merges the two"},
     {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
-    {"no_images", 409, "there are no images to train a vocabulary from (of a job)"},
+    {"no_images", 409, "there are no images to train on or to test with (of a job)"},
     {"image_too_large", 413,
      "the image exceeds --max-megapixels, --max-decode-mb or --decode-timeout"},
     {"image_type_unknown", 415, "the bytes are not an image of a supported type"},

@@ -11,7 +11,7 @@ const kProblems = {
   backup_not_found: "This backup no longer exists.",
   key_not_found: "This key is already revoked.",
   no_vocabulary: "The collection is empty, or search is still being prepared. Add images, or try again in a moment.",
-  no_images: "There are no images to train on. Add images first.",
+  no_images: "There are no images yet. Add images first.",
   interrupted: "The server stopped during this job. Start the job again.",
   self_test_not_found: "This collection has not been tested yet.",
   content_not_kept: "The server does not store the original of this image.",

@@ -33,14 +33,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Require(image.channels == (options.colour ? 3 : 1), "the channels are those asked for");
   Require(IsWhole(image) && !image.empty(), "an image has all its pixels");
   Require(IsWhole(thumbnail) && thumbnail.empty() == (options.thumbnail_side_px == 0) &&
-              std::max(thumbnail.width, thumbnail.height) <= options.thumbnail_side_px,
+              thumbnail.width * thumbnail.height <=
+                  options.thumbnail_side_px * options.thumbnail_side_px,
           "a thumbnail is there when it was asked for, and as small");
   Require(std::min(decoded.original_width, decoded.original_height) >= options.min_side_px,
           "no side is too short");
   Require(std::int64_t{decoded.original_width} * decoded.original_height <= options.max_pixels,
           "no image is too large");
-  Require(options.max_side_px == 0 || std::max(image.width, image.height) <= options.max_side_px,
-          "no side is too long");
+  Require(options.max_side_px == 0 || std::max(image.width, image.height) <= options.max_side_px ||
+              image.width * image.height <= options.max_side_px * options.max_side_px,
+          "no side is too long, but for a panorama");
   if (!thumbnail.empty() && !options.colour) {
     options.thumbnail_side_px = 0;
     Require(pliant::DecodeImage({data, size}, options).image.pixels == image.pixels,

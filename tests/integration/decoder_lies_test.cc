@@ -48,7 +48,11 @@ const std::vector<Lie>& Lies() {
       {"negative", [](DecodeAnswer& a) { a.width = a.original_width = -kWidth; }},
       {"no_pixels", [](DecodeAnswer& a) { a.height = a.original_height = 0; }},
       {"not_scaled_as_said", [](DecodeAnswer& a) { a.width = kWidth + 1; }},
-      {"larger_than_asked", [](DecodeAnswer& a) { a.width = a.original_width = 2000; }},
+      {"larger_than_asked",
+       [](DecodeAnswer& a) {
+         a.width = a.original_width = 2000;
+         a.height = a.original_height = 1500;
+       }},
       {"colours", [](DecodeAnswer& a) { a.channels = 3; }},
       {"format", [](DecodeAnswer& a) { a.format = 77; }},
       {"unknown_format", [](DecodeAnswer& a) { a.format = 0; }},

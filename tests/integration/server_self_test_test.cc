@@ -36,7 +36,7 @@ TEST_F(ServerSelfTest, ReportsAndCalibrates) {
   EXPECT_EQ(Json::parse(none->body)["code"], "self_test_not_found");
   const Json empty = Finish(client, client.Post(kSelfTest, "{}", kJson));
   EXPECT_EQ(empty["state"], "failed");
-  EXPECT_EQ(empty["problem"]["code"], "collection_empty") << empty;
+  EXPECT_EQ(empty["problem"]["code"], "no_images") << empty;
 
   EXPECT_EQ(Finish(client, client.Post(std::string(kCollection) + "/demo"))["state"], "done");
   SearchFor(client, TestImage(0, 0));  // waits for the vocabulary

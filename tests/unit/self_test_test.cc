@@ -134,7 +134,7 @@ TEST_F(SelfTestTest, RefusesWhatItCannotDo) {
     refuse(ErrorCode::kInvalidArgument, "option_out_of_range", {.false_alarms = rate});
   }
   refuse(ErrorCode::kNotFound, "collection_not_found", {.collection = "none"});
-  refuse(ErrorCode::kUnprocessable, "collection_empty", {});
+  refuse(ErrorCode::kConflict, "no_images", {});
   AddPictures(engine);
   refuse(ErrorCode::kNotFound, "content_not_kept", {.pictures = 2});
   SelfTestOptions stopped;
