@@ -7,6 +7,7 @@ import { offerObjectNames } from "./filters.js";
 import { accept, fileAt, refuseOther } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName, kLongestName } from "./names.js";
+import { go, showing } from "./router.js";
 import { isLeaving, notify, settle } from "./undo.js";
 
 const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed = "failed";
@@ -228,11 +229,24 @@ byId("add-clear").addEventListener("click", () => {
   byId("add-title").focus();
 });
 
-accept(byId("view-add"), ["add-files", "add-folder", "add-camera"], ({ files, leftOut, stored, address, problem }) => {
-  if (stored) notify("This image is already stored.", true);
-  else if (problem) notify(problem, true);
-  else enqueue(address ? [{ file: fileAt(address), folder: "" }] : files, leftOut);
-});
+// Lists what accept() gives, and shows the list.
+export async function take({ files, leftOut, stored, address, problem }) {
+  const isHere = showing() === "add";
+  if (stored) {
+    if (isHere) notify("This image is already stored.", true);  // elsewhere a card was dragged by accident
+  } else if (problem) {
+    notify(problem, true);
+  } else if (!await api.mayWrite()) {
+    notify("Your key can search but not add. Ask for a key with write access.", true);
+  } else {
+    enqueue(address ? [{ file: fileAt(address), folder: "" }] : files, leftOut);
+    if (!isHere) go("add");
+  }
+}
+
+for (const view of ["add", "objects", "images", "object", "image", "collection"]) {
+  accept(byId(`view-${view}`), view === "add" ? ["add-files", "add-folder", "add-camera"] : [], take);
+}
 addEventListener("beforeunload", (event) => { if (stopper) event.preventDefault(); });
 
 export const addView = {

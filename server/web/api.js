@@ -38,6 +38,8 @@ export async function refreshScope() {
     tell();
   }
 }
+// Waits until the scope is known.
+export const mayWrite = () => told.then(() => document.documentElement.dataset.scope !== "read");
 export const isAdmin = () => document.documentElement.dataset.scope === "admin";
 // Whether the server fetches images by their addresses; waits until that is known.
 export const mayFetch = () => told.then(() => serverHas.image_url);

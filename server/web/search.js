@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The search view: from a photo to hits.
+import { take } from "./add.js";
 import * as api from "./api.js";
 import { hideComparison, showComparison } from "./compare.js";
 import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
@@ -172,12 +173,35 @@ async function searchFile(file) {
   setQuery({ file, key });
 }
 
-accept(byId("view-search"), ["search-file", "search-camera"], ({ files, stored, address, problem }) => {
+// Several images: added, or only the first is searched with. An empty collection has nothing to find.
+async function takeMany(given, images) {
+  const words = `You ${given.how} ${count(images.length, "image")}.`;
+  const first = () => searchFile(images[0].file);
+  if (!await api.mayWrite()) {
+    notify(`${words} Pliant searches with the first, because your key does not allow adding.`);
+    first();
+  } else if (byId("welcome").hidden) {
+    const dialog = byId("many-dialog");
+    byId("many-text").textContent = `${words} Add all of them, or search with the first?`;
+    dialog.returnValue = "";
+    dialog.onclose = () => ({ add: () => take(given), search: first })[dialog.returnValue]?.();
+    dialog.showModal();
+  } else {
+    take(given);
+  }
+}
+
+accept(byId("view-search"), ["search-file", "search-camera"], (given) => {
+  const { files, stored, address, problem } = given;
   const here = stored?.collection === api.collectionName();
   if (stored) location.hash = link("search", { image: stored.id, ...(!here && { in: stored.collection }) });
   else if (address) location.hash = link("search", { url: address });
   else if (problem) say(status, problem, true);
-  else searchFile((files.find(({ file }) => file.type.startsWith("image/")) ?? files[0]).file);
+  else {
+    const images = files.filter(({ file }) => /^(image\/|$)/.test(file.type));
+    if (images.length > 1) takeMany(given, images);
+    else searchFile((images[0] ?? files[0]).file);
+  }
 });
 
 whenExampleIsChosen(searchFile);
