@@ -111,6 +111,7 @@ function showTotal() {
   byId("add-stop").hidden = !running;
   byId("add-retry").hidden = running || !failed;
   byId("add-clear").hidden = running;
+  byId("add-collection").disabled = running;
   byId("add-next").hidden = running || !done || waiting > 0;
 }
 
@@ -201,7 +202,8 @@ async function sendAll() {
   const { signal } = stopper;
   const collection = api.collectionName();  // another one may be chosen meanwhile
   showTotal();
-  say(byId("add-status"), `Adding ${count(queue.length, "image")}…`);
+  const where = byId("add-collection-label").hidden ? "" : ` to the collection ${byId("add-collection").selectedOptions[0].text}`;
+  say(byId("add-status"), `Adding ${count(queue.length, "image")}${where}…`);
   byId("add-stop").focus();
   await eachOf(queue, async (item) => { if (!signal.aborted) await send(item, labels, collection); }, kAtOnce);
   stopper = null;
