@@ -142,12 +142,12 @@ function offerRename(item, id, metadata, collection) {
       await api.patch(api.imagePath(id, "", collection), { ...(object && { object }), ...(metadata && { metadata }) });
       item.known = true;
       setState(item, kDone, object ? `renamed to ${object}` : "labels changed");
-      showTotal();
       offerObjectNames();
     } catch (error) {
       item.mayRetry = true;
       setState(item, kFailed, error.message);
     }
+    showTotal();
   }));
 }
 

@@ -28,6 +28,7 @@ async function tell(action) {
 function showFacts(record) {
   byId("collection-title").textContent = `Collection: ${shownName(record)}`;
   const field = byId("collection-shown");
+  field.placeholder = record.name;
   if (document.activeElement !== field) field.value = record.display_name ?? "";
   byId("collection-facts").replaceChildren(
     fact("Images", figure(record.images)), fact("Objects", figure(record.objects)), fact("Keypoints", figure(record.descriptors)),

@@ -43,7 +43,7 @@ export function fileAt(address) {
   return { name: resultOr(last, () => decodeURIComponent(last)), address, size: 0, type: "", lastModified: Date.now() };
 }
 
-// `how` it came, and one of: files: [{ file, folder }] and leftOut, the number of files in system folders; stored: { collection, id }; address;
+// `how` ("dropped", "pasted"), and one of: files: [{ file, folder }] and leftOut, the number of files in system folders; stored: { collection, id }; address;
 // problem (a sentence).
 const received = async (transfer, how) => ({ how, ...await contents(transfer, how) });
 
@@ -121,7 +121,7 @@ export function accept(view, inputs, use) {
   for (const id of inputs) {
     byId(id).addEventListener("change", ({ target }) => {
       const chosen = sorted([...target.files].map((file) => ({ file, path: file.webkitRelativePath.split("/").slice(0, -1) })));
-      if (target.files.length) use({ how: "chose", ...chosen });
+      if (target.files.length) use(chosen);
       target.value = "";  // so that the same file can be chosen again
     });
   }

@@ -38,7 +38,7 @@ export function labelList(metadata) {
 
 function hitCard(hit, colour, onChoose) {
   const { words, grade, share, percent } = scoreWords(hit);
-  const facts = [percent, hit.inliers ? count(hit.inliers, "match", "matches") : ""].filter(Boolean).join(", ");
+  const facts = [percent, hit.inliers ? count(hit.inliers, "matched keypoint") : ""].filter(Boolean).join(", ");
   const swatch = colour ? make("span", { class: "swatch", "aria-hidden": "true" }) : null;
   if (swatch) swatch.style.background = colour;
   const fill = make("span", { class: `fill ${grade}` });

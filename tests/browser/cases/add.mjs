@@ -150,19 +150,21 @@ test("uploads can be stopped and gone on with", async () => {
 
 test("a server that goes away is waited for; images are not sent again before it is back", async () => {
   const page = await house.openPage(`${server.address}/#/add`);
-  let away = true, uploads = 0;
+  let away = false, uploads = 0;
   await page.route(/\/v1\/(me|collections\/default\/images)$/, (route) => {
-    if (route.request().method() === "POST") ++uploads;
+    if (route.request().method() === "POST" && ++uploads === 3) away = true;
     return away ? route.abort("connectionrefused") : route.continue();
   });
   await page.locator("#add-files").setInputFiles([60, 61, 62, 63, 64].map((seed) => file(`q${seed}.png`, blobs(seed))));
   await page.getByRole("button", { name: "Add 5 images" }).click();
   await house.waitForText(page, "#add-status.error", /The server cannot be reached\.[^]*Adding continues by itself when the server answers\.$/);
-  await house.waitForText(page, "#add-list li:first-child .note", /^waiting for the server$/);
+  await house.waitForText(page, "#add-list li:nth-child(3) .note", /^waiting for the server$/);
   await house.checkAccessibility(page, "the server is away");
   await house.shoot(page, "server-away");
+  await house.waitForText(page, "#add-summary", /^2 of 5 images added, less than a minute left$/);
+  await house.waitForText(page, "#add-list li:nth-child(4) .note", /^waiting for the server$/);
   for (let i = 0; i < 2; ++i) await page.waitForRequest(/v1\/me$/);
-  assert.equal(uploads, 2, "each of the two that were being sent, once");
+  assert.equal(uploads, 4, "each of the two that were being sent, once");
   away = false;
   await house.waitForText(page, "#add-status", /^Finished: 5 images added\.$/);
   assert.equal(uploads, 7);
