@@ -63,7 +63,8 @@ test("the page works below a path", { skip }, async () => {
   await page.goto(`${site}/pliant/#/image?id=demo-poster`);
   await page.waitForFunction(() => [...document.querySelectorAll("#view-image img")].some((one) => one.naturalWidth > 10));
   await page.getByRole("link", { name: "Collection" }).click();
-  await house.waitForText(page, "#view-collection", /The vocabulary fits/);
+  await page.locator("summary", { hasText: "Advanced" }).click();
+  await house.waitForText(page, "#recommendation", /The vocabulary fits/);
   await page.getByRole("link", { name: "Server status" }).click();
   await page.locator("#view-status").waitFor();
   await page.getByRole("link", { name: "HTTP API" }).click();
