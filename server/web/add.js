@@ -2,14 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The view for adding images: many at once, each with its object's name.
 import * as api from "./api.js";
+import { deleteButton } from "./cards.js";
 import { byId, count, eachOf, fileSize, make, onSubmit, say, shorten, smallButton } from "./dom.js";
 import { offerObjectNames } from "./filters.js";
 import { accept, fileAt, refuseOther } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName, kLongestName } from "./names.js";
+import { go, showing } from "./router.js";
 import { isLeaving, notify, settle } from "./undo.js";
 
 const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed = "failed";
+const kForAll = ["forbidden", "cross_site", "collection_not_found"];  // problems that all other images would have, too
 const kAtOnce = 2;  // the server describes images one after the other anyway
 
 // --- one image of the list: its preview, its object's name, its progress
@@ -35,8 +38,6 @@ function makeItem(file, name) {
     const neighbour = row.nextElementSibling ?? row.previousElementSibling;
     row.remove();
     (neighbour?.querySelector("button:not([hidden])") ?? byId("add-clear")).focus();
-    items = items.filter((one) => one !== item);
-    showTotal();
   }, { class: "small", "aria-label": `Remove ${file.name} from the list` });
   const thumbnail = thumbnailOf(file, (error) => {
     if (error && item.state === kWaiting) note.textContent = `from the web; no preview: ${error.message}`;
@@ -44,8 +45,8 @@ function makeItem(file, name) {
   const row = make("li", {}, thumbnail, input, make("span", { class: "file-name quiet", text: shorten(file.name), title: file.name }), note, bar, remove);
   const item = { file, input, bar, note, remove, row, state: kWaiting, proposed: name, typed: false };
   row.dataset.state = kWaiting;
+  row.item = item;
   byId("add-list").append(row);
-  return item;
 }
 
 const nameOf = (item) => item.input.value.trim();
@@ -60,29 +61,29 @@ function setState(item, state, text) {
 
 // --- the list
 
-let items = [];
-let stopper = null;  // AbortController while uploads run
+const items = () => [...byId("add-list").children].map(({ item }) => item);
+const inState = (state) => items().filter((item) => item.state === state);
+const mayRetry = () => inState(kFailed).filter((item) => item.mayRetry);
 
-const inState = (state) => items.filter((item) => item.state === state);
+let running = null;  // while uploads run: { stopper, words, of, finished, began, pausedAt, problem }
 
 const commonName = () => byId("add-object").value.trim();
 
 // found: [{ file, folder }]; leftOut: the number of files in system folders
 function enqueue(found, leftOut = 0) {
-  const taken = items.map(nameOf);
+  const taken = items().map(nameOf);
   for (const { file, folder } of found) {
     const name = defaultName(file, folder, taken);
     taken.push(name);
-    items.push(makeItem(file, name));
+    makeItem(file, name);
   }
   giveCommonName();
   say(byId("add-status"), leftOut ? `${count(leftOut, "file")} of system folders left out.` : "");
-  showTotal();
 }
 
 // While it is typed; a name that was typed for one image stays.
 function giveCommonName() {
-  for (const item of items) {
+  for (const item of items()) {
     if (!item.typed && item.state !== kDone && item.state !== kSending) item.input.value = commonName() || item.proposed;
   }
 }
@@ -90,28 +91,41 @@ byId("add-object").addEventListener("input", giveCommonName);
 
 // "24 images added", "1 of 4 images added, 2 already stored, 1 failed"
 function countWords(of = "") {
-  const known = items.filter((item) => item.known).length;
+  const known = items().filter((item) => item.known).length;
   const added = inState(kDone).length - known;
   const failed = inState(kFailed).length;
   return [of ? `${added} of ${of} added` : `${count(added, "image")} added`, known ? `${known} already stored` : "",
           failed ? `${failed} failed` : ""].filter(Boolean).join(", ");
 }
 
+export function timeWords(ms) {
+  const minutes = Math.round(ms / 60_000);
+  if (minutes < 1) return "less than a minute left";
+  return `about ${minutes < 90 ? count(minutes, "minute") : count(Math.round(minutes / 60), "hour")} left`;
+}
+
+// An estimate from the images that are finished.
+function timeLeft() {
+  const { of, finished, began, pausedAt } = running;
+  return finished < kAtOnce ? "" : `, ${timeWords(((pausedAt || Date.now()) - began) / finished * (of - finished))}`;
+}
+
 function showTotal() {
   const [waiting, done, failed] = [kWaiting, kDone, kFailed].map((state) => inState(state).length);
   const partly = inState(kSending).reduce((sum, { bar }) => sum + Math.max(0, bar.position) / 2, 0);
-  const running = Boolean(stopper);
-  byId("add-form").hidden = !items.length;
-  byId("add-bar").max = items.length || 1;
+  const all = items().length;
+  byId("add-form").hidden = !all;
+  byId("add-bar").max = all || 1;
   byId("add-bar").value = done + failed + partly;
-  byId("add-summary").textContent = countWords(count(items.length, "image"));
+  byId("add-summary").textContent = countWords(count(all, "image")) + (running ? timeLeft() : "");
   byId("add-start").textContent = `Add ${count(waiting, "image")}`;
-  byId("add-start").hidden = running || !waiting;
+  byId("add-start").hidden = Boolean(running) || !waiting;
   byId("add-stop").hidden = !running;
-  byId("add-retry").hidden = running || !failed;
-  byId("add-clear").hidden = running;
-  byId("add-next").hidden = running || !done || waiting > 0;
+  byId("add-retry").hidden = Boolean(running) || !mayRetry().length;
+  byId("add-clear").hidden = byId("add-collection").disabled = Boolean(running);
+  byId("add-next").hidden = Boolean(running) || !done || waiting > 0;
 }
+new MutationObserver(showTotal).observe(byId("add-list"), { childList: true });
 
 // --- sending
 
@@ -128,12 +142,34 @@ function offerRename(item, id, metadata, collection) {
       await api.patch(api.imagePath(id, "", collection), { ...(object && { object }), ...(metadata && { metadata }) });
       item.known = true;
       setState(item, kDone, object ? `renamed to ${object}` : "labels changed");
-      showTotal();
       offerObjectNames();
     } catch (error) {
+      item.mayRetry = true;
       setState(item, kFailed, error.message);
     }
+    showTotal();
   }));
+}
+
+// The image is in the collection now: its button deletes it there.
+function offerDeletion(item, id, collection) {
+  const { name } = item.file;
+  const button = deleteButton({
+    card: item.row, path: api.imagePath(id, "", collection), label: `Delete ${name} from the collection`, text: `Deleted: ${name}.` });
+  item.remove.replaceWith(button);
+  item.remove = button;
+}
+
+function pause({ message }) {
+  running.pausedAt ||= Date.now();
+  say(byId("add-status"), `${message} Adding continues by itself when the server answers.`, true);
+}
+
+function goOn() {
+  if (!running.pausedAt) return;
+  running.began += Date.now() - running.pausedAt;
+  running.pausedAt = 0;
+  say(byId("add-status"), running.words);
 }
 
 // Uploads it. An object or image that is being deleted is deleted first, so that the new image stays.
@@ -161,28 +197,39 @@ async function send(item, labels, collection) {
   setState(item, kSending, "sending…");
   try {
     const { created, image } = await upload(item, { object: nameOf(item), metadata: labels }, {
-      collection, signal: stopper.signal,
+      collection, signal: running.stopper.signal,
       onProgress: (share) => {
+        goOn();
         item.bar.value = Math.min(share, 0.99);
         item.note.textContent = share < 1 ? `sending, ${Math.round(100 * share)} %` : "processing…";
         if (share >= 1) item.bar.removeAttribute("value");  // it moves until the answer comes
         showTotal();
       },
-      onWait: (seconds) => { item.note.textContent = `the server is busy; retrying in ${seconds} s`; },
+      onWait: (error) => {
+        item.note.textContent = "waiting for the server";
+        pause(error);
+      },
     });
     item.known = !created;
     setState(item, kDone, created ? `added: ${count(image.keypoints, "keypoint")}` : "already stored");
+    if (created) offerDeletion(item, image.id, collection);
   } catch (error) {
-    if (error.name === "AbortError") setState(item, kWaiting, "stopped");
-    else if (error.code === "same_bytes" && !wasNamed(item) && !labels) {
+    if (error.name === "AbortError") {
+      setState(item, kWaiting, "stopped");
+    } else if (error.status === 401 || kForAll.includes(error.code)) {
+      setState(item, kWaiting, error.message);
+      running.problem = error.message;
+      running.stopper.abort();
+    } else if (error.code === "same_bytes" && !wasNamed(item) && !labels) {
       item.known = true;
       setState(item, kDone, "already stored under another name");
     } else {
+      item.mayRetry = [0, 408, 429].includes(error.status) || error.status >= 500;
       setState(item, kFailed, error.message);
       if (error.code === "same_bytes" && error.imageId) offerRename(item, error.imageId, labels, collection);
     }
-    if (error.status === 401 || error.status === 403) stopper.abort();  // all others would fail too
   }
+  ++running.finished;
   showTotal();
 }
 
@@ -196,44 +243,57 @@ async function sendAll() {
     return;
   }
   const queue = inState(kWaiting);
-  stopper = new AbortController();
-  const { signal } = stopper;
   const collection = api.collectionName();  // another one may be chosen meanwhile
+  const where = byId("add-collection-label").hidden ? "" : ` to the collection ${byId("add-collection").selectedOptions[0].text}`;
+  const stopper = new AbortController();
+  const mine = running = { stopper, words: `Adding ${count(queue.length, "image")}${where}…`, of: queue.length, finished: 0, began: Date.now() };
   showTotal();
-  say(byId("add-status"), `Adding ${count(queue.length, "image")}…`);
+  say(byId("add-status"), mine.words);
   byId("add-stop").focus();
-  await eachOf(queue, async (item) => { if (!signal.aborted) await send(item, labels, collection); }, kAtOnce);
-  stopper = null;
+  await eachOf(queue, async (item) => { if (!stopper.signal.aborted && item.row.isConnected) await send(item, labels, collection); }, kAtOnce);
+  running = null;
   showTotal();
   const failed = inState(kFailed).length;
-  say(byId("add-status"), `${signal.aborted ? "Stopped" : "Finished"}: ${countWords()}.${failed ? " See each image for the reason." : ""}`, failed > 0);
+  const reason = mine.problem ? ` ${mine.problem}` : failed ? " See each image for the reason." : "";
+  say(byId("add-status"), `${stopper.signal.aborted ? "Stopped" : "Finished"}: ${countWords()}.${reason}`, Boolean(reason));
   if ([byId("add-stop"), document.body].includes(document.activeElement)) {
-    byId(failed ? "add-retry" : byId("add-next").hidden ? "add-clear" : "add-next").focus();
+    ["add-retry", "add-next", "add-clear"].map(byId).find((one) => !one.hidden).focus();
   }
   offerObjectNames();
 }
 
 onSubmit(byId("add-form"), () => {
-  if (!stopper && inState(kWaiting).length) sendAll();
+  if (!running && inState(kWaiting).length) sendAll();
 });
-byId("add-stop").addEventListener("click", () => stopper?.abort());
+byId("add-stop").addEventListener("click", () => running?.stopper.abort());
 byId("add-retry").addEventListener("click", () => {
-  for (const item of inState(kFailed)) setState(item, kWaiting, "");
+  for (const item of mayRetry()) setState(item, kWaiting, "");
   sendAll();
 });
 byId("add-clear").addEventListener("click", () => {
-  items = [];
   byId("add-list").replaceChildren();
-  showTotal();
   byId("add-title").focus();
 });
 
-accept(byId("view-add"), ["add-files", "add-folder", "add-camera"], ({ files, leftOut, stored, address, problem }) => {
-  if (stored) notify("This image is already stored.", true);
-  else if (problem) notify(problem, true);
-  else enqueue(address ? [{ file: fileAt(address), folder: "" }] : files, leftOut);
-});
-addEventListener("beforeunload", (event) => { if (stopper) event.preventDefault(); });
+// Lists what accept() gives, and shows the list.
+export async function take({ files, leftOut, stored, address, problem }) {
+  const isHere = showing() === "add";
+  if (stored) {
+    if (isHere) notify("This image is already stored.", true);  // elsewhere a card was dragged by accident
+  } else if (problem) {
+    notify(problem, true);
+  } else if (!await api.mayWrite()) {
+    notify("Your key can search but not add. Ask for a key with write access.", true);
+  } else {
+    enqueue(address ? [{ file: fileAt(address), folder: "" }] : files, leftOut);
+    if (!isHere) go("add");
+  }
+}
+
+for (const view of ["add", "objects", "images", "object", "image", "collection"]) {
+  accept(byId(`view-${view}`), view === "add" ? ["add-files", "add-folder", "add-camera"] : [], take);
+}
+addEventListener("beforeunload", (event) => { if (running) event.preventDefault(); });
 
 export const addView = {
   title: "Add images",

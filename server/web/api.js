@@ -7,6 +7,7 @@ import { problemWords } from "./words.js";
 const kKeyName = "pliant-key";
 const kAttempts = 5;
 const kLongestWaitS = 30;
+const kAwayPollS = 2;
 const kJson = { "Content-Type": "application/json" };
 
 class Problem extends Error {
@@ -38,6 +39,8 @@ export async function refreshScope() {
     tell();
   }
 }
+// Waits until the scope is known.
+export const mayWrite = () => told.then(() => document.documentElement.dataset.scope !== "read");
 export const isAdmin = () => document.documentElement.dataset.scope === "admin";
 // Whether the server fetches images by their addresses; waits until that is known.
 export const mayFetch = () => told.then(() => serverHas.image_url);
@@ -75,17 +78,24 @@ async function answerOf(path, options = {}) {
   throw problemOf(answer.status, await answer.json().catch(() => null), answer.headers.get("Retry-After"));
 }
 
-// Asks again a few times while the server is busy. onWait(seconds) is told.
+// The server, or a proxy before it, may do the same request later.
+const isAway = ({ status }) => [0, 408, 429, 502, 503, 504].includes(status);
+const answers = () => answerOf("v1/me").then(() => true, (error) => !isAway(error));
+
+// Asks again a few times while the server is busy. With a signal, also waits until a server that is away is back, or until
+// the signal is aborted; onWait(error) is told.
 async function patiently(attempt, onWait = () => {}, signal = undefined) {
   for (let tries = 1; ; ++tries) {
     try {
       return await attempt();
     } catch (error) {
-      const later = error.retryAfterS;
-      if (!later || later > kLongestWaitS || tries === kAttempts) throw error;
-      onWait(later);
-      await wait(later * 1000);
-      if (signal?.aborted) throw stopped();
+      const later = error.retryAfterS || (signal && isAway(error) ? kAwayPollS : 0);
+      if (!later || (!signal && later > kLongestWaitS) || tries === kAttempts) throw error;
+      onWait(error);
+      do {
+        await wait(later * 1000, signal);
+        if (signal?.aborted) throw stopped();
+      } while (signal && !await answers());
     }
   }
 }
@@ -190,7 +200,7 @@ const upload = (path, body, onProgress, signal) => new Promise((done, fail) => {
 });
 
 // Uploads an image, or lets the server fetch it from file.address. onProgress gets 0..1 of the bytes sent, onWait the
-// seconds of a pause that the server asked for.
+// Problem for which the upload pauses.
 export function addImage({ file, object, metadata, collection }, { onProgress, onWait, signal }) {
   const fields = { object, ...(metadata && { metadata }) };
   const body = file.address ? { ...fields, image_url: file.address } : formOf({ ...fields, image: file });

@@ -159,7 +159,6 @@ function makeView({ word, sorts, fetchPage, card, keep = [], title }) {
   return {
     title: title({}),
     show(parameters, how) {
-      for (const tab of document.querySelectorAll(`#view-${place} [data-tab]`)) tab.href = link(tab.dataset.tab);
       const kept = Object.fromEntries(keep.filter((name) => parameters.has(name)).map((name) => [name, parameters.get(name)]));
       byId(`${place}-title`).textContent = title(kept);
       return items.show({ ...kept, ...finder.read(parameters, kept), in: api.collectionName() }, how);
@@ -201,7 +200,6 @@ export const objectView = {
     const number = ++latest;
     const name = parameters.get("name") ?? "";
     if (!name) return replaceAddress(link("images", { object: "" }));  // no object has an empty name
-    byId("object-back").href = link("objects");
     byId("object-title").textContent = name;
     for (const id of ["object-edit", "object-actions", "object-count"]) byId(id).replaceChildren();  // of another object
     byId("object-edit").classList.remove("editing");

@@ -6,17 +6,20 @@ import { askingButton, attempt, byId, count, fact, figure, make, makeLiveList, o
 import { refreshHeader } from "./header.js";
 import { isActive, makeJobList } from "./jobs.js";
 import { collectionNameFor, shownName } from "./names.js";
+import { go, link } from "./router.js";
 import { makeSelfTest, showSelfTest } from "./selftest.js";
+import { notify } from "./undo.js";
 
 const kPollMs = 2000;
 const kFullSample = 40_000;  // descriptors that training samples by default
 const kGrowth = 2;           // retraining pays from this many times as many descriptors
 
 let timer = 0;
+let latest = 0;  // drops an answer that comes too late
 
 // Runs the action and says its words, or what went wrong.
-async function tell(id, action) {
-  await attempt(byId(id), async () => say(byId(id), await action()));
+async function tell(action) {
+  await action().then(notify, ({ message }) => notify(message, true));
   refresh();
 }
 
@@ -25,11 +28,17 @@ async function tell(id, action) {
 function showFacts(record) {
   byId("collection-title").textContent = `Collection: ${shownName(record)}`;
   const field = byId("collection-shown");
+  field.placeholder = record.name;
   if (document.activeElement !== field) field.value = record.display_name ?? "";
   byId("collection-facts").replaceChildren(
     fact("Images", figure(record.images)), fact("Objects", figure(record.objects)), fact("Keypoints", figure(record.descriptors)),
     fact("Visual words", record.vocabulary ? figure(record.vocabulary.words) : "none yet"),
     fact("Created", new Date(record.created_at).toLocaleDateString("en", { dateStyle: "medium" })));
+  const place = byId("collection-delete");
+  if (place.dataset.name === record.name) return;  // its question stays open
+  place.dataset.name = record.name;
+  place.replaceChildren(record.name === "default" ? "" : askingButton("Delete collection", `Delete the collection ${record.name}`, {
+    question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => deleteCollection(record.name) }));
 }
 
 // What to do about the vocabulary: { text, due }.
@@ -46,7 +55,7 @@ export function recommendation({ images, descriptors, vocabulary }) {
 }
 
 function vocabularyRow({ id, active, words, sampled, available, created_at: created }) {
-  const use = () => tell("retrain-status", async () => {
+  const use = () => tell(async () => {
     const { state } = await api.ask(api.address(`/vocabularies/${id}/active`), { method: "PUT" });
     return state ? "The switch has started. Searches use the old vocabulary until it ends." : `Vocabulary ${id} is in use.`;
   });
@@ -55,41 +64,29 @@ function vocabularyRow({ id, active, words, sampled, available, created_at: crea
     make("td", {}, active ? "yes" : smallButton("Use", use, { class: "small", "data-needs": "write", "aria-label": `Use vocabulary ${id}` })));
 }
 
-byId("retrain").addEventListener("click", () => tell("retrain-status", async () => {
+byId("retrain").addEventListener("click", () => tell(async () => {
   await api.askJson(api.address("/vocabularies"), "POST", {});
   return "Training has started. Searches use the old vocabulary until it ends.";
 }));
 
 // --- collections
 
-function collectionItem({ here, ...collection }) {
+const showCollections = makeLiveList("collections", ({ here, ...collection }) => {
   const { name, display_name: shown, aliases, images } = collection;
-  const href = `#/collection${name === "default" ? "" : `?${new URLSearchParams({ in: name })}`}`;
-  const item = make("li", {}, here ? make("strong", { text: `${shownName(collection)} (this one)` }) : make("a", { href, text: shownName(collection) }));
-  item.append(" ", make("span", { class: "quiet beside", text: [...(shown ? [name] : []), ...aliases, count(images, "image")].join(", ") }));
-  if (name !== "default") {
-    const remove = askingButton("Delete", `Delete the collection ${name}`, {
-      question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => deleteCollection(name) });
-    remove.dataset.needs = "admin";
-    item.append(" ", remove);
-  }
-  return item;
-}
-
-// Runs an action on collections, says its words, and shows the collections again.
-const changeCollections = (action) => tell("collection-made", async () => {
-  const words = await action();
-  refreshHeader();
-  await showCollections();
-  return words;
+  return make("li", {}, here ? make("strong", { text: `${shownName(collection)} (this one)` }) :
+    make("a", { href: link("collection", { in: name }), text: shownName(collection) }), " ",
+    make("span", { class: "quiet beside", text: [...(shown ? [name] : []), ...aliases, count(images, "image")].join(", ") }));
 });
+
+const changeCollections = (action) => tell(() => action().finally(refreshHeader));
 
 const deleteCollection = (name) => changeCollections(async () => {
   await api.deletePath(api.address("", name));
-  if (name === api.collectionName()) location.hash = "#/collection";
+  if (name === api.collectionName()) go("collection", { in: "default" });
   return `Collection ${name} deleted.`;
 });
 
+// A new collection is entered.
 onSubmit(byId("collection-form"), () => changeCollections(async () => {
   const typed = byId("collection-name").value.trim();
   const { collections } = await api.collections();
@@ -97,6 +94,8 @@ onSubmit(byId("collection-form"), () => changeCollections(async () => {
   await api.ask(api.address("", name), { method: "PUT" });
   if (name !== typed) await api.askJson(api.address("", name), "PATCH", { display_name: typed });
   byId("collection-name").value = "";
+  go("collection", { in: name });
+  byId("collection-title").focus();
   return `Collection ${typed} created.`;
 }));
 
@@ -107,16 +106,6 @@ onSubmit(byId("collection-rename"), () => changeCollections(async () => {
   return `Renamed to ${shown || api.collectionName()}.`;
 }));
 
-const listCollections = makeLiveList("collections", collectionItem);
-let latestCollections = 0;
-
-async function showCollections() {
-  const number = ++latestCollections;
-  const { collections } = await api.collections();
-  const isHere = ({ name, aliases }) => [name, ...aliases].includes(api.collectionName());
-  if (number === latestCollections) listCollections(collections.map((one) => ({ ...one, here: isHere(one) })));
-}
-
 // --- all of it
 
 const showJobs = makeJobList("jobs", refresh);
@@ -125,13 +114,19 @@ makeSelfTest(refresh);
 async function refresh() {
   clearTimeout(timer);
   if (byId("view-collection").hidden) return;
+  const number = ++latest;
   await attempt(byId("collection-status"), async () => {
-    const [record, { vocabularies }, { jobs }] = await Promise.all([
-      api.ask(api.address()), api.ask(api.address("/vocabularies")), api.ask("v1/jobs?limit=500")]);
+    const answers = await Promise.all([
+      api.ask(api.address()), api.ask(api.address("/vocabularies")), api.ask("v1/jobs?limit=500"), api.collections()])
+      .catch((error) => { if (number === latest) throw error; });
+    if (number !== latest) return;
+    const [record, { vocabularies }, { jobs }, { collections }] = answers;
     showFacts(record);
+    showCollections(collections.map((one) => ({ ...one, here: one.name === record.name })));
     const { text, due } = recommendation(record);
     byId("recommendation").textContent = text;
     byId("recommendation").classList.toggle("due", due);
+    byId("advanced-note").textContent = due ? record.vocabulary ? "Retraining may help." : "There is no vocabulary yet." : "";
     byId("retrain").classList.toggle("primary", due);
     byId("retrain").textContent = record.vocabulary ? "Retrain" : "Train";
     const mine = jobs.filter((job) => job.collection === record.name);
@@ -146,10 +141,6 @@ async function refresh() {
 
 export const collectionView = {
   title: "Collection",
-  show() {
-    say(byId("retrain-status"), "");
-    showCollections().catch(() => {});  // refresh() says what is wrong
-    refresh();
-  },
+  show: refresh,
   hide() { clearTimeout(timer); },
 };

@@ -4,7 +4,6 @@
 import * as api from "./api.js";
 import { attempt, byId, count, make, makeButton, say } from "./dom.js";
 import { follow } from "./jobs.js";
-import { link } from "./router.js";
 
 let choose = () => {};
 
@@ -13,7 +12,6 @@ export const whenExampleIsChosen = (call) => { choose = call; };
 // Shows the welcome in an empty collection, and the crumpled photos if their objects are stored.
 export async function refreshDemonstration() {
   if (byId("demo-load").disabled) return;
-  byId("welcome-add").href = link("add");
   await attempt(byId("search-status"), async () => {
     const [{ images, objects }, demo] = await Promise.all([api.ask(api.address()), api.ask(api.address("/demo"))]);
     byId("welcome").hidden = images > 0;

@@ -86,7 +86,11 @@ export function fileSize(bytes) {
 }
 
 export const shortTime = (iso) => new Date(iso).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
-export const wait = (ms) => new Promise((wake) => setTimeout(wake, ms));
+// Ends early when the signal is aborted.
+export const wait = (ms, signal) => new Promise((wake) => {
+  setTimeout(wake, ms);
+  signal?.addEventListener("abort", wake, { once: true });
+});
 
 // Calls action(item) for each item, a few at a time. Returns the failures: [{ item, error }].
 export async function eachOf(items, action, atOnce = 4) {

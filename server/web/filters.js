@@ -46,6 +46,12 @@ function showHowMany() {
   byId("filters-set").textContent = set ? `(${set} set)` : "";
 }
 
+// Forgets the words that limit a search.
+export function forgetLimits() {
+  kFields.object.value = kFields.labels.value = "";
+  showHowMany();
+}
+
 function change() {
   showHowMany();
   apply();

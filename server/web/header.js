@@ -8,7 +8,7 @@ import { shownName } from "./names.js";
 import { go, showCurrent } from "./router.js";
 import { kWrongKey } from "./words.js";
 
-const choice = byId("collection-choice");
+const kChoices = { "collection-choice": "search", "add-collection": "add" };  // the view that each leads to
 const dialog = byId("key-dialog");
 let wanted = false;  // the server has asked for a key
 
@@ -18,15 +18,14 @@ export async function refreshHeader() {
   if (!collections) return;
   const here = api.collectionName();
   if (!collections.some(({ name }) => name === here)) collections.push({ name: here });  // an alias, or deleted
-  choice.replaceChildren(...collections.map((one) => make("option", { value: one.name, text: shownName(one) })));
-  choice.value = here;
-  byId("collection-label").hidden = collections.length < 2;
+  for (const id of Object.keys(kChoices)) {
+    byId(id).replaceChildren(...collections.map((one) => make("option", { value: one.name, text: shownName(one) })));
+    byId(id).value = here;
+    byId(id).closest("label").hidden = collections.length < 2;
+  }
 }
 
-choice.addEventListener("change", () => {
-  api.setCollection(choice.value);
-  go("search");
-});
+for (const [id, view] of Object.entries(kChoices)) byId(id).addEventListener("change", ({ target }) => go(view, { in: target.value }));
 
 const showKeyState = () => { byId("key-button").hidden = !api.getKey() && !wanted; };
 

@@ -43,8 +43,11 @@ export function fileAt(address) {
   return { name: resultOr(last, () => decodeURIComponent(last)), address, size: 0, type: "", lastModified: Date.now() };
 }
 
-// One of: files: [{ file, folder }] and leftOut, the number of files in system folders; stored: { collection, id }; address; problem (a sentence).
-async function received(transfer, how) {
+// `how` ("dropped", "pasted"), and one of: files: [{ file, folder }] and leftOut, the number of files in system folders; stored: { collection, id }; address;
+// problem (a sentence).
+const received = async (transfer, how) => ({ how, ...await contents(transfer, how) });
+
+async function contents(transfer, how) {
   const addresses = addressesIn(transfer);  // now: nothing can be read later
   const entries = [...(transfer.items ?? [])].map((item) => item.webkitGetAsEntry?.());
   const files = [...transfer.files].map((file) => ({ file, folder: "" }));

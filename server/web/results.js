@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The lists of hits: those that count, and the weak ones, folded away.
 import { imagePath, showImage } from "./api.js";
-import { byId, count, make, makeButton } from "./dom.js";
+import { byId, count, make, makeButton, resultOr, shorten } from "./dom.js";
 import { filterParameters } from "./filters.js";
 import { link } from "./router.js";
 import { isWeak, scoreWords } from "./words.js";
@@ -19,16 +19,26 @@ export function thumbnail(id, sha256 = "") {
   return image;
 }
 
+// The address of a label url=https://…, which becomes a link; null for all else, such as javascript:.
+function webAddress(key, value) {
+  const url = key === "url" ? resultOr(null, () => new URL(value)) : null;
+  return /^https?:$/.test(url?.protocol) ? url.href : null;
+}
+
 export function labelList(metadata) {
   const entries = Object.entries(metadata ?? {});
   if (!entries.length) return null;
   const text = (value) => (typeof value === "object" ? JSON.stringify(value) : String(value));
-  return make("span", { class: "labels" }, ...entries.map(([key, value]) => make("span", { text: `${key}: ${text(value)}` })));
+  return make("span", { class: "labels" }, ...entries.map(([key, value]) => {
+    const href = webAddress(key, value);
+    return make("span", {}, `${key}: `,
+                href ? make("a", { href, target: "_blank", rel: "noopener noreferrer", text: shorten(value, 60) }) : text(value));
+  }));
 }
 
 function hitCard(hit, colour, onChoose) {
   const { words, grade, share, percent } = scoreWords(hit);
-  const facts = [percent, hit.inliers ? count(hit.inliers, "match", "matches") : ""].filter(Boolean).join(", ");
+  const facts = [percent, hit.inliers ? count(hit.inliers, "matched keypoint") : ""].filter(Boolean).join(", ");
   const swatch = colour ? make("span", { class: "swatch", "aria-hidden": "true" }) : null;
   if (swatch) swatch.style.background = colour;
   const fill = make("span", { class: `fill ${grade}` });
@@ -36,9 +46,11 @@ function hitCard(hit, colour, onChoose) {
   const button = makeButton("", () => onChoose(hit), { class: "hit-choose", "aria-pressed": "false" });
   button.append(thumbnail(hit.image_id), make("span", { class: "hit-text" },
     make("span", { class: "name" }, swatch, `${hit.rank}. ${hit.name}`), make("span", { text: words }),
-    make("span", { class: "bar", "aria-hidden": "true" }, fill), make("span", { class: "quiet", text: facts }), labelList(hit.metadata)));
-  const card = make("li", { class: "hit" }, button, make("a", {
-    href: link("search", { image: hit.image_id, ...filterParameters() }), class: "quiet", text: "Find similar", "aria-label": `Find similar to ${hit.name}` }));
+    make("span", { class: "bar", "aria-hidden": "true" }, fill), make("span", { class: "quiet", text: facts })));
+  const page = hit.object ? ["object", { name: hit.object }] : ["image", { id: hit.image_id }];
+  const card = make("li", { class: "hit" }, button, labelList(hit.metadata), make("div", { class: "links quiet" },
+    make("a", { href: link(...page), text: `Open ${page[0]}`, "aria-label": `Open ${page[0]} ${hit.name}` }),
+    make("a", { href: link("search", { image: hit.image_id, ...filterParameters() }), text: "Find similar", "aria-label": `Find similar to ${hit.name}` })));
   card.dataset.id = hit.image_id;
   return card;
 }

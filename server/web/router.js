@@ -12,9 +12,10 @@ const views = new Map();
 // shown before; isReturn: by Back or Forward. show may return a promise that ends when the contents are there.
 export const addView = (name, view) => views.set(name, view);
 
-export function link(view, parameters = {}) {
+// parameters.in: another collection than this one.
+export function link(view, { in: collection = collectionName(), ...parameters } = {}) {
   const query = new URLSearchParams();
-  if (collectionName() !== "default") query.set("in", collectionName());
+  if (collection !== "default") query.set("in", collection);
   for (const [name, value] of Object.entries(parameters)) if (value !== undefined && value !== null) query.set(name, value);
   const text = query.toString();
   return `#/${view}${text ? `?${text}` : ""}`;
@@ -88,11 +89,13 @@ export const whenCollectionChanges = (call) => { onCollection = call; };
 export const showing = () => shown;
 export const setTitle = (text) => { document.title = `${text} – Pliant`; };
 
+// The links in index.html: they stay in the collection.
+const fixedLinks = [...document.querySelectorAll('a[href^="#/"]')].map((anchor) => [anchor, anchor.getAttribute("href").slice(2)]);
+
 function markNavigation(name) {
-  byId("search-live").href = link("camera");
+  for (const [anchor, view] of fixedLinks) anchor.href = link(view);
   for (const anchor of document.querySelectorAll("nav [data-view]")) {
     const { view } = anchor.dataset;
-    anchor.href = link(view);
     if (view === name || (view === "objects" && ["object", "images", "image"].includes(name))) anchor.setAttribute("aria-current", "page");
     else anchor.removeAttribute("aria-current");
   }

@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // The search view: from a photo to hits.
+import { take } from "./add.js";
 import * as api from "./api.js";
 import { hideComparison, showComparison } from "./compare.js";
 import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
 import { byId, copyText, count, make, say } from "./dom.js";
 import { decode, storedImage } from "./draw.js";
-import { filterParameters, filterSettings, isFiltered, takeFilters, whenFiltersChange } from "./filters.js";
+import { filterParameters, filterSettings, forgetLimits, isFiltered, takeFilters, whenFiltersChange } from "./filters.js";
 import { accept, fileOfData, refuseOther } from "./incoming.js";
 import { keepQuery, keptQuery } from "./kept.js";
 import { objectName } from "./names.js";
@@ -17,6 +18,7 @@ import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
 import { isLeaving, notify } from "./undo.js";
 import { adviceWords, isWeak, verdictWords } from "./words.js";
 
+const kCloserMs = 1000;  // the server's second pass begins about then
 const status = byId("search-status");
 
 // { file }, { id } or { url }; `bitmap`: its decoded pixels; `part`: the region in its address. The pixels of a url, or of a
@@ -26,6 +28,7 @@ let running = null;  // AbortController of the current search
 let asked = "";      // the collection of the query
 let hits = [];       // each with its name
 let chosen = null;   // the hit that is compared
+let mistyped = false;  // the last filter could not be read, or nothing in the collection has what it names
 let latest = null;   // the last file that was given, before it is searched with
 let received = 0, total = 0;  // hits of the server, including hits that are being deleted
 
@@ -70,8 +73,11 @@ async function run(offset = 0) {
   if (query.key || query.id || query.url) noteAddress(searchLink());
   byId("workspace").setAttribute("aria-busy", "true");
   say(status, "Searching…");
+  const closer = setTimeout(() => { if (mine === running) say(status, "Looking closer…"); }, kCloserMs);
   try {
+    mistyped = true;
     const settings = { ...filterSettings(), offset, explain: true };
+    mistyped = false;
     if (!query.bitmap && !query.id) settings.preview = true;
     const region = regionWanted();
     if (region) settings.region = region.split(",").map(Number);
@@ -86,6 +92,7 @@ async function run(offset = 0) {
     byId("query-figure").hidden = !query.bitmap;  // it comes with an answer only
     byId("results-panel").hidden = true;
   } finally {
+    clearTimeout(closer);
     if (mine === running) byId("workspace").removeAttribute("aria-busy");
   }
 }
@@ -115,13 +122,15 @@ function showAnswer(answer, offset, how) {
   const before = hits.length;
   received = offset + answer.hits.length;
   total = answer.hits.length ? answer.total : received;
+  mistyped = !received && !("min_score" in filterParameters());
   hits.push(...fresh);
   addHits(fresh, coloursOf(hits), choose);
   byId("results-panel").hidden = false;
   showRest(total - received);
   const said = { hits, found: answer.found, filtered: isFiltered(), stored: Boolean(query.id), ...how };
-  const matches = answer.found || hits.filter((hit) => !isWeak(hit)).length;
-  const quiet = [`${matches ? count(matches, "match", "matches") : "No match"} in ${(answer.took_ms / 1000).toFixed(2)} s.`, adviceWords(said)];
+  const possible = hits.filter((hit) => !isWeak(hit)).length;
+  const matches = answer.found ? count(answer.found, "match", "matches") : possible ? count(possible, "possible match", "possible matches") : "No match";
+  const quiet = [`${matches} in ${(answer.took_ms / 1000).toFixed(2)} s.`, adviceWords(said)];
   say(status, "");
   status.append(make("strong", { class: "verdict", text: verdictWords(said) }), make("span", { class: "quiet", text: quiet.filter(Boolean).join(" ") }));
   if (!offset && hits.length && !isWeak(hits[0])) choose(hits[0]);
@@ -168,16 +177,39 @@ async function searchFile(file) {
   }
   const key = await keepQuery(file);
   if (!isWanted()) return;
+  if (mistyped) forgetLimits();
   pushAddress(link("search", { photo: key, ...filterParameters() }));
   setQuery({ file, key });
 }
 
-accept(byId("view-search"), ["search-file", "search-camera"], ({ files, stored, address, problem }) => {
-  const here = stored?.collection === api.collectionName();
-  if (stored) location.hash = link("search", { image: stored.id, ...(!here && { in: stored.collection }) });
+// Several images: added, or only the first is searched with. An empty collection has nothing to find.
+async function takeMany(given, images) {
+  const words = `You ${given.how} ${count(images.length, "image")}.`;
+  const first = () => searchFile(images[0].file);
+  if (!await api.mayWrite()) {
+    notify(`${words} Pliant searches with the first, because your key does not allow adding.`);
+    first();
+  } else if (byId("welcome").hidden) {
+    const dialog = byId("many-dialog");
+    byId("many-text").textContent = `${words} Add all of them, or search with the first?`;
+    dialog.returnValue = "";
+    dialog.onclose = () => ({ add: () => take(given), search: first })[dialog.returnValue]?.();
+    dialog.showModal();
+  } else {
+    take(given);
+  }
+}
+
+accept(byId("view-search"), ["search-file", "search-camera"], (given) => {
+  const { files, stored, address, problem } = given;
+  if (stored) location.hash = link("search", { image: stored.id, in: stored.collection });
   else if (address) location.hash = link("search", { url: address });
   else if (problem) say(status, problem, true);
-  else searchFile((files.find(({ file }) => file.type.startsWith("image/")) ?? files[0]).file);
+  else {
+    const images = files.filter(({ file }) => /^(image\/|$)/.test(file.type));
+    if (images.length > 1) takeMany(given, images);
+    else searchFile((images[0] ?? files[0]).file);
+  }
 });
 
 whenExampleIsChosen(searchFile);

@@ -36,7 +36,7 @@ test("of two objects that look the same neither is found; both are named and sho
   await house.trainVocabulary(own.address, 600);
   const page = await house.openPage(own.address);
   await page.locator("#search-file").setInputFiles({ name: "photo.png", mimeType: "image/png", buffer: noisyThing(5, 3) });
-  await house.waitForText(page, "#search-status", /^Perhaps: (sweet yoghurt or sour|sour yoghurt or sweet) yoghurt\./);
+  await house.waitForText(page, "#search-status", /^Perhaps: (sweet yoghurt or sour|sour yoghurt or sweet) yoghurt\.\s+2 possible matches in /);
   await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 2));
   await house.eventually(async () => assert.ok(await page.locator("#compare").isVisible(), "the first one is chosen"));
   await house.shoot(page, "perhaps");
@@ -63,7 +63,7 @@ test("weak results are folded away and counted; a button opens them, and more ca
   const page = await house.openPage(server.address);
   await page.route("**/search", answerOf(1, 32));
   await page.locator("#search-file").setInputFiles(unknown);
-  await house.waitForText(page, "#search-status", /^Found: thing 1\./);
+  await house.waitForText(page, "#search-status", /^Found: thing 1\.\s+1 match in /);
   const toggle = page.locator("#weaker-toggle");
   await house.eventually(async () => assert.equal(await toggle.innerText(), "31 weaker results"));
   await house.eventually(async () => assert.equal(await toggle.getAttribute("aria-expanded"), "false"));
@@ -78,6 +78,36 @@ test("weak results are folded away and counted; a button opens them, and more ca
   await page.waitForFunction(() => document.querySelectorAll(".hit").length === 24);
   await toggle.click();
   await house.eventually(async () => assert.equal(await page.locator(".hit:visible").count(), 1));
+  await house.closePage(page);
+});
+
+test("a hit leads to its object, and shows its labels; an address among them is a link, other schemes are not", async () => {
+  const page = await house.openPage(server.address);
+  const labels = [{ shelf: 4, url: "https://shop.example/things?id=7" }, { url: "javascript:alert(1)" }, { site: "https://shop.example/" }];
+  await page.route("**/search", (route) => route.fulfill({ json: { took_ms: 5, total: 3, found: 3, hits: labels.map((metadata, i) => ({
+    rank: i + 1, object: i ? `thing ${i}` : "poster", image_id: `id-${i}`, source: "", score: 0.9, probability: 0.99, verdict: "found", inliers: 9,
+    polygon: null, instances: [], via: null, metadata })) } }));
+  await page.locator("#search-file").setInputFiles(unknown);
+  await house.waitForText(page, "#results .hit:first-child .labels", /^shelf: 4\s*url: https:\/\/shop\.example\/things\?id=7$/);
+  const links = await page.locator("#results .labels a").evaluateAll((list) => list.map(({ href, rel }) => [href, rel]));
+  assert.deepEqual(links, [["https://shop.example/things?id=7", "noopener noreferrer"]]);
+  await house.waitForText(page, "#results .hit:nth-child(2) .labels", /^url: javascript:alert\(1\)$/);
+  await house.checkAccessibility(page, "labels of hits");
+  await house.checkOverlaps(page, "labels of hits");
+  await house.shoot(page, "hit-labels");
+  await page.getByRole("link", { name: "Open object poster" }).click();
+  await house.waitForText(page, "#object-title", /^poster$/);
+  await house.closePage(page);
+});
+
+test("a search that takes long says that it looks closer", async () => {
+  const page = await house.openPage(server.address);
+  let answer = null;
+  await page.route("**/search", (route) => { answer = () => answerOf(1, 1)(route); });
+  await page.locator("#search-file").setInputFiles(unknown);
+  await house.waitForText(page, "#search-status", /^Looking closer…$/);
+  await answer();
+  await house.waitForText(page, "#search-status", /^Found: thing 1\./);
   await house.closePage(page);
 });
 

@@ -222,6 +222,76 @@ test("GIF, AVIF and HEIC are sent as they are; what is no photo is said with wha
   await house.closePage(page);
 });
 
+// Drops image files of these seeds.
+const dropImages = (page, selector, seeds) => page.evaluate(([where, list]) => {
+  const transfer = new DataTransfer();
+  for (const [name, text] of list) {
+    transfer.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name, { type: "image/png" }));
+  }
+  document.querySelector(where).dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+}, [selector, seeds.map((seed) => [`thing ${seed}.png`, thing(seed).toString("base64")])]);
+
+test("of many images on the search page, all are added or the first is searched with, as people say", async () => {
+  await prepare();
+  const page = await house.openPage(server.address);
+  await house.waitForText(page, "#search-status", /in this collection/);
+  await dropImages(page, "#search-drop", [602, 621, 622]);
+  await house.waitForText(page, "#many-dialog", /^You dropped 3 images\. Add all of them, or search with the first\?/);
+  await house.checkAccessibility(page, "many images");
+  await house.shoot(page, "many-images");
+  await page.getByRole("button", { name: "Search with the first" }).click();
+  await house.waitForText(page, "#search-status", /: two\./);
+  await dropImages(page, "#search-drop", [602, 621, 622]);
+  await page.locator("#many-dialog").waitFor();
+  await page.keyboard.press("Escape");
+  await page.locator("#many-dialog").waitFor({ state: "hidden" });
+  assert.equal(await page.locator("#view-search").isVisible(), true);
+  await dropImages(page, "#search-drop", [602, 621, 622]);
+  await page.getByRole("button", { name: "Add all" }).click();
+  await page.getByRole("button", { name: "Add 3 images" }).waitFor();
+  assert.match(page.url(), /#\/add$/);
+  await house.closePage(page);
+});
+
+test("readers search with the first of many images, and are told so; they add nothing elsewhere", async () => {
+  await prepare();
+  const page = await house.openPage("about:blank");
+  await page.route("**/v1/me", async (route) => {
+    const answer = await route.fetch();
+    return route.fulfill({ response: answer, json: { ...await answer.json(), scopes: ["read"] } });
+  });
+  page.faults.length = 0;
+  await page.goto(server.address);
+  await dropImages(page, "#search-drop", [602, 621]);
+  await house.waitForText(page, "#notices", /You dropped 2 images\. Pliant searches with the first, because your key does not allow adding/);
+  await house.waitForText(page, "#search-status", /: two\./);
+  await page.goto(`${server.address}/#/objects`);
+  await page.locator("#objects-list .card").first().waitFor();
+  await dropImages(page, "#view-objects", [621]);
+  await house.waitForText(page, "#notices", /search but not add/);
+  assert.equal(await page.locator("#view-objects").isVisible(), true);
+  await page.context().close();
+});
+
+test("many images are listed to be added in an empty collection, and on the pages of objects, images and the collection", async () => {
+  const empty = await house.server("empty");
+  const page = await house.openPage(empty.address);
+  await page.locator("#welcome").waitFor();
+  await dropImages(page, "#welcome", [621, 622]);
+  await page.getByRole("button", { name: "Add 2 images" }).waitFor();
+  await house.closePage(page);
+
+  await prepare();
+  for (const [hash, sign] of [["objects", "#objects-list .card"], ["images", "#images-list .card"], ["object?name=one", "#object-list .card"],
+                              ["image?id=one", "#image-facts div"], ["collection", "#collection-facts div"]]) {
+    const other = await house.openPage(`${server.address}/#/${hash}`);
+    await other.locator(sign).first().waitFor();
+    await dropImages(other, sign, [621, 622]);
+    await other.getByRole("button", { name: "Add 2 images" }).waitFor();
+    await house.closePage(other);
+  }
+});
+
 test("what is no photo is told by its first bytes", async () => {
   const page = await house.openPage(server.address);
   const advice = await page.evaluate(async () => {

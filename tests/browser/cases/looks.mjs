@@ -15,7 +15,7 @@ const kViews = {
   object: ["#/object?name=poster", "#object-list .card img"],
   image: ["#/image?id=demo-poster", "#image-frame img"],
   status: ["#/status", "#status-facts div"],
-  collection: ["#/collection", "#vocabularies tr"],
+  collection: ["#/collection", "#collection-facts div"],
 };
 
 const server = await house.server("demonstration");

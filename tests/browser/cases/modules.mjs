@@ -162,6 +162,12 @@ test("names are made of folders and files, and of the time where those say nothi
   }
 }));
 
+test("the time that is left is said in minutes and hours", () => withModules(async (call) => {
+  const words = async (minutes) => (await call("add.js", "timeWords", 60_000 * minutes)).value;
+  assert.deepEqual([await words(0.2), await words(1), await words(12.4), await words(150)],
+                   ["less than a minute left", "about 1 minute left", "about 12 minutes left", "about 3 hours left"]);
+}));
+
 test("collections have names for addresses, whatever people call them", () => withModules(async (call) => {
   const made = async (...given) => (await call("names.js", "collectionNameFor", ...given)).value;
   assert.deepEqual([await made("attic"), await made("Summer shirts 2026!"), await made("Été à Łódź"), await made("夏"), await made("..")],

@@ -49,7 +49,8 @@ test("the page works below a path", { skip }, async () => {
   const page = await house.openPage(`${site}/pliant`);
   page.on("response", (response) => {
     const { pathname, protocol } = new URL(response.url());
-    if (protocol === "http:" && (!pathname.startsWith("/pliant/") || response.status() >= 400)) above.push(`${response.status()} ${pathname}`);
+    const isRefused = response.status() >= 400 && !pathname.endsWith("/selftest");  // 404 there: not tested yet
+    if (protocol === "http:" && (!pathname.startsWith("/pliant/") || isRefused)) above.push(`${response.status()} ${pathname}`);
   });
   assert.equal(page.url().replace(/#.*/, ""), `${site}/pliant/`);
   await page.locator("#demo-load").click();
@@ -63,7 +64,8 @@ test("the page works below a path", { skip }, async () => {
   await page.goto(`${site}/pliant/#/image?id=demo-poster`);
   await page.waitForFunction(() => [...document.querySelectorAll("#view-image img")].some((one) => one.naturalWidth > 10));
   await page.getByRole("link", { name: "Collection" }).click();
-  await house.waitForText(page, "#view-collection", /The vocabulary fits/);
+  await page.locator("summary", { hasText: "Advanced" }).click();
+  await house.waitForText(page, "#recommendation", /The vocabulary fits/);
   await page.getByRole("link", { name: "Server status" }).click();
   await page.locator("#view-status").waitFor();
   await page.getByRole("link", { name: "HTTP API" }).click();

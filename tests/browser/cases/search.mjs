@@ -110,6 +110,14 @@ test("filters limit what is found", async () => {
   await page.locator("#filter-labels").fill("no label at all");
   await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
   await house.waitForText(page, "#search-status.error", /name=value/);
+  await page.locator("#search-file").setInputFiles(image());  // a filter that was mistyped does not hold for the next photo
+  await house.waitForText(page, "#search-status", /^Found: poster/);
+  assert.equal(await page.locator("#filter-labels").inputValue(), "");
+  await page.locator("#filter-object").fill("pooster");
+  await page.locator("#filters-form").getByRole("button", { name: "Apply" }).click();
+  await house.waitForText(page, "#results-empty", /No match/);
+  await page.locator("#search-file").setInputFiles(image());
+  await house.waitForText(page, "#search-status", /^Found: poster/);
   await house.closePage(page);
 });
 

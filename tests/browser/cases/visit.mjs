@@ -26,7 +26,7 @@ test("an empty collection teaches what to do; the demonstration is found un-crum
 
   await example.click();
   assert.match((await house.hitNames(page))[0], /^1\. town map$/);
-  await house.eventually(async () => assert.match(await house.text(page, "#results .hit:first-child"), /Found[^]*\d matches/));
+  await house.eventually(async () => assert.match(await house.text(page, "#results .hit:first-child"), /Found[^]*\d matched keypoints/));
   await page.waitForFunction(() => !document.querySelector("#blend-figure").hidden);
   await house.eventually(async () => assert.ok((await canvasShares(page, "#stage-canvas")).outline > 0.001, "outline on the query"));
   await house.eventually(async () => assert.ok((await canvasShares(page, "#reference-canvas")).outline > 0.001, "outline on the hit"));
