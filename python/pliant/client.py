@@ -281,7 +281,7 @@ class Client:
         return self.wait(job["id"], timeout=timeout, progress=progress) if wait else job
 
     def self_test(self, *, wait: bool = True, timeout: float | None = None,
-                  progress: Callable[[Json], object] | None = None, **options: float) -> Json:
+                  progress: Callable[[Json], object] | None = None, **options: float) -> Json | None:
         """Searches for simulated photos of the collection's images (options: pictures, false_alarms, seed). Returns the
         report of how well that works; with `wait=False`, the job."""
         job = self._ask("POST", f"{self._base}/selftest", **_json_body(options))
@@ -290,9 +290,9 @@ class Client:
         self.wait(job["id"], timeout=timeout, progress=progress)
         return self.self_test_report()
 
-    def self_test_report(self) -> Json:
-        """The report of the collection's last self-test."""
-        return self._ask("GET", f"{self._base}/selftest")
+    def self_test_report(self) -> Json | None:
+        """The report of the collection's last self-test; None before the first."""
+        return self._ask("GET", f"{self._base}/selftest")["report"]
 
     def vocabularies(self) -> list[Json]:
         """All vocabularies of the collection."""

@@ -84,7 +84,6 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"read_only", 500, "the server cannot write to the directory or database"},
     {"no_space", 507, "the server's disk is full"},
     // Of the engine.
-    {"self_test_not_found", 404, "the collection has no self-test yet"},
     {"content_not_kept", 404, "the server did not store the uploaded bytes (--keep-originals)"},
     {"collection_permanent", 409, "the collection `default` cannot be deleted"},
     {"collection_is_alias", 409, "delete the collection by its own name, not by an alias"},

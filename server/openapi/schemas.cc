@@ -34,7 +34,8 @@ constexpr const char* kSchemas = R"json({
       "description": "a hit with this probability is found; null: 0.9"}]},
   "OutcomeShare": {"": "of the photos, with its interval of 95 %", "count": "integer",
     "share": "share", "low": "share", "high": "share"},
-  "SelfTest": {
+  "SelfTest": {"report": "SelfTestReport|null"},
+  "SelfTestReport": {
     "made_at": "time", "seconds": "number", "images": "integer: of the collection",
     "photos": "integer: simulated photos",
     "outcomes": {"found": "OutcomeShare", "perhaps": "OutcomeShare: among the first three hits",

@@ -91,10 +91,7 @@ let shown = null;  // the collection and time of the report that is on the page
 // record: the collection's.
 export async function showSelfTest(record, isTesting) {
   byId("selftest").disabled = !record.vocabulary || isTesting;
-  const report = await api.ask(api.address("/selftest")).catch((error) => {
-    if (error.code !== "self_test_not_found") throw error;
-    return null;
-  });
+  const { report } = await api.ask(api.address("/selftest"));
   const key = report && `${record.name} ${report.made_at} ${record.found_from}`;
   if (key === shown) return;
   shown = key;

@@ -13,7 +13,6 @@ const kProblems = {
   no_vocabulary: "The collection is empty, or search is still being prepared. Add images, or try again in a moment.",
   no_images: "There are no images yet. Add images first.",
   interrupted: "The server stopped during this job. Start the job again.",
-  self_test_not_found: "This collection has not been tested yet.",
   content_not_kept: "The server does not store the original of this image.",
   image_not_found: "This image no longer exists.",
   request_timeout: "The upload took too long. Check your connection.",

@@ -33,11 +33,11 @@ for (const [where, size] of [["desk", {}], ["phone", { width: 390, height: 844, 
   test(`similar, missed and plain images are shown: ${where}`, async () => {
     await house.loadDemonstration(server.address);
     const page = await house.openPage(`${server.address}/#/search`, size);
-    const report = await (await fetch(`${server.address}/v1/collections/default/selftest`)).json();
+    const { report } = await (await fetch(`${server.address}/v1/collections/default/selftest`)).json();
     const map = { object: "town map", image_id: "demo-town-map" };
-    await page.route(kSelfTest, (route) => route.fulfill({ json: { ...report, reaches_rate: false,
+    await page.route(kSelfTest, (route) => route.fulfill({ json: { report: { ...report, reaches_rate: false,
       alike: [{ ...map, other: "poster", other_image: "demo-poster", confused: 2 }],
-      missed: [{ ...map, photos: 3, missed: 1 }], plain: [{ ...map, keypoints: 40 }] } }));
+      missed: [{ ...map, photos: 3, missed: 1 }], plain: [{ ...map, keypoints: 40 }] } } }));
     await page.goto(`${server.address}/#/collection`);
     await house.waitForText(page, "#selftest-report", /No limit keeps false alarms at 20 %/);
     await house.waitForText(page, "#selftest-report", /Too similar[^]*poster[^]*confused in 2 photos/);
