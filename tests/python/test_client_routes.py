@@ -87,7 +87,7 @@ class Recorder(http.server.BaseHTTPRequestHandler):
 
     ANSWER = json.dumps({**{name: [] for name in ("aliases", "backups", "collections", "images", "items", "jobs", "keys", "objects",
                                                   "results", "vocabularies")},
-                         "id": "a", "deleted": 0, "next": None, "total": 0}).encode()
+                         "id": "a", "deleted": 0, "next": None, "report": None, "total": 0}).encode()
 
     def answer(self):
         self.rfile.read(int(self.headers.get("Content-Length", 0)))
