@@ -40,7 +40,9 @@ constexpr std::chrono::seconds kStartTimeout{60};
 template <std::size_t kSize>
 std::string TextOf(const char (&field)[kSize]) {
   std::string text(field, strnlen(field, kSize));
-  std::replace_if(text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  for (char& c : text) {
+    if (c < ' ' || c > '~') c = '?';
+  }
   return text;
 }
 

@@ -136,8 +136,7 @@ std::string Replaced(const std::string& text, const std::string& what, const std
 }
 
 TEST_F(ServerProxyTest, NginxServesPliantBelowAPathWithTls) {
-  if (!std::filesystem::exists(kNginx))
-    GTEST_SKIP() << "nginx is not installed (apt-get install nginx)";
+  ASSERT_TRUE(std::filesystem::exists(kNginx)) << "install docker/packages-test.txt";
   Start({"--base-path", "/pliant", "--trusted-proxies", "127.0.0.1", "--allowed-hosts",
          "images.example", "--auto-train", "false"});
   WriteCertificate(folder_ / "cert.pem", folder_ / "key.pem", false, "IP:127.0.0.1");
