@@ -65,7 +65,7 @@ void PrintText(const Json& report, double found_from) {
   Print("found by difficulty:");
   PrintDifficulties(report);
   PrintList(report["alike"], "too similar:", [](const Json& pair) {
-    return fmt::format("{} and {}, in {} photos", NameOf(pair["object"], pair["image_id"]),
+    return fmt::format("{} and {} (photos: {})", NameOf(pair["object"], pair["image_id"]),
                        NameOf(pair["other"], pair["other_image"]), pair["confused"].get<int>());
   });
   PrintList(report["plain"], "few details:", [](const Json& image) {
@@ -77,11 +77,12 @@ void PrintText(const Json& report, double found_from) {
     Print(
         "a hit counts as found from a probability of {:.2f}; {:.2f} keeps false alarms at {:.1f} %",
         found_from, report["found_from"].get<double>(), 100 * rate);
+  } else if (const double needed = std::ceil(1 / rate - 1); report["photos"] < needed) {
+    Print("--pictures {:.0f} or more can show which probability keeps false alarms at {:.1f} %",
+          needed, 100 * rate);
   } else {
-    Print(
-        "no limit of the probability keeps false alarms at {:.1f} %: objects are too similar, or "
-        "the photos are fewer than {:.0f}",
-        100 * rate, std::ceil(1 / rate - 1));
+    Print("no limit of the probability keeps false alarms at {:.1f} %: objects are too similar",
+          100 * rate);
   }
 }
 
