@@ -64,7 +64,7 @@ void PrintText(const Json& report, double found_from) {
   Print("  false alarms, without the object {}", Percent(outcomes["false_alarms"]));
   Print("found by difficulty:");
   PrintDifficulties(report);
-  PrintList(report["alike"], "too similar:", [](const Json& pair) {
+  PrintList(report["similar"], "too similar:", [](const Json& pair) {
     return fmt::format("{} and {} (photos: {})", NameOf(pair["object"], pair["image_id"]),
                        NameOf(pair["other"], pair["other_image"]), pair["confused"].get<int>());
   });

@@ -180,8 +180,8 @@ void Calibrate(double rate, SelfTestReport* report) {
   }
 }
 
-void CollectAlike(SelfTestReport* report) {
-  std::map<std::pair<std::string, std::string>, AlikeObjects> pairs;
+void CollectSimilar(SelfTestReport* report) {
+  std::map<std::pair<std::string, std::string>, SimilarObjects> pairs;
   const auto name = [](const std::string& object, const std::string& image) {
     return object.empty() ? "id " + image : "object " + object;
   };
@@ -189,15 +189,15 @@ void CollectAlike(SelfTestReport* report) {
     if (!asked.false_alarm) continue;
     const auto names =
         std::minmax(name(asked.object, asked.image_id), name(asked.other, asked.other_image));
-    AlikeObjects& pair =
-        pairs
-            .try_emplace({names.first, names.second},
-                         AlikeObjects{asked.object, asked.image_id, asked.other, asked.other_image})
-            .first->second;
+    SimilarObjects& pair = pairs
+                               .try_emplace({names.first, names.second},
+                                            SimilarObjects{asked.object, asked.image_id,
+                                                           asked.other, asked.other_image})
+                               .first->second;
     ++pair.confused;
   }
-  for (auto& [names, pair] : pairs) report->alike.push_back(std::move(pair));
-  std::ranges::stable_sort(report->alike, std::greater(), &AlikeObjects::confused);
+  for (auto& [names, pair] : pairs) report->similar.push_back(std::move(pair));
+  std::ranges::stable_sort(report->similar, std::greater(), &SimilarObjects::confused);
 }
 
 }  // namespace
@@ -236,7 +236,7 @@ SelfTestReport RunSelfTest(Engine& engine, const SelfTestOptions& options) {
                     "originals of images when you add them.");
   }
   Calibrate(options.false_alarms, &report);
-  CollectAlike(&report);
+  CollectSimilar(&report);
   report.seconds = watch.seconds();
   return report;
 }

@@ -55,7 +55,7 @@ struct SelfTestPhoto {
 };
 
 // Two objects that searches confuse.
-struct AlikeObjects {
+struct SimilarObjects {
   std::string object, image_id;
   std::string other, other_image;
   int confused = 0;  // photos of one in which the other was found
@@ -68,10 +68,10 @@ struct PlainImage {
 };
 
 struct SelfTestReport {
-  std::uint64_t images = 0;           // of the collection
-  std::vector<SelfTestPhoto> photos;  // in a random order
-  std::vector<AlikeObjects> alike;    // most confused first
-  std::vector<PlainImage> plain;      // fewest keypoints first
+  std::uint64_t images = 0;             // of the collection
+  std::vector<SelfTestPhoto> photos;    // in a random order
+  std::vector<SimilarObjects> similar;  // most confused first
+  std::vector<PlainImage> plain;        // fewest keypoints first
   // From this probability on a hit should count as found, so that at most
   // SelfTestOptions::false_alarms of absent objects are.
   double found_from = kFoundProbability;

@@ -151,14 +151,14 @@ Json ExamplesJson(const std::vector<SelfTestPhoto>& photos) {
 
 Json SelfTestJson(const SelfTestReport& report, const SelfTestOptions& options, bool examples) {
   const std::vector<SelfTestPhoto>& photos = report.photos;
-  Json alike = Json::array();
-  for (const AlikeObjects& pair : report.alike) {
-    if (alike.size() == kMostListed) break;
-    alike.push_back({{"object", TextOrNull(pair.object)},
-                     {"image_id", pair.image_id},
-                     {"other", TextOrNull(pair.other)},
-                     {"other_image", pair.other_image},
-                     {"confused", pair.confused}});
+  Json similar = Json::array();
+  for (const SimilarObjects& pair : report.similar) {
+    if (similar.size() == kMostListed) break;
+    similar.push_back({{"object", TextOrNull(pair.object)},
+                       {"image_id", pair.image_id},
+                       {"other", TextOrNull(pair.other)},
+                       {"other_image", pair.other_image},
+                       {"confused", pair.confused}});
   }
   Json plain = Json::array();
   for (const PlainImage& image : report.plain) {
@@ -171,7 +171,7 @@ Json SelfTestJson(const SelfTestReport& report, const SelfTestOptions& options, 
                {"outcomes", OutcomesJson(photos)}, {"by_strength", ByStrength(photos)},
                {"by_size", BySize(photos)},        {"false_alarm_rate", options.false_alarms},
                {"found_from", report.found_from},  {"reaches_rate", report.reaches_rate},
-               {"alike", std::move(alike)},        {"plain", std::move(plain)},
+               {"similar", std::move(similar)},    {"plain", std::move(plain)},
                {"missed", MissedJson(photos)}};
   if (examples) json["examples"] = ExamplesJson(photos);
   json["seconds"] = report.seconds;

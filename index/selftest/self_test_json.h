@@ -13,7 +13,7 @@ namespace pliant {
 // {"images", "photos", "outcomes": {"found", "perhaps", "missed", "wrong", "false_alarms": each
 // {"count", "share", "low", "high"}}, "by_strength": [{"strength", "photos", "found": as above}],
 // "by_size": [{"from", "to", "photos", "found"}], "false_alarm_rate", "found_from", "reaches_rate",
-// "alike": [{"object", "image_id", "other", "other_image", "confused"}], "plain": [{"object",
+// "similar": [{"object", "image_id", "other", "other_image", "confused"}], "plain": [{"object",
 // "image_id", "keypoints"}], "missed": [{"object", "image_id", "photos", "missed"}], "examples":
 // [{"object", "image_id", "verdict", "probability", "strength", "size", "photo": base64 of a
 // JPEG}], "seconds"}. Shares have a 95 % interval (Wilson 1927). Sizes are the square roots of the

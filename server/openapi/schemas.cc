@@ -48,7 +48,7 @@ constexpr const char* kSchemas = R"json({
     "false_alarm_rate": "share: as requested",
     "found_from": "share: the advised found_from of the collection",
     "reaches_rate": "boolean: false: even 0.99 has more false alarms, or the photos are too few",
-    "alike[]": {"": "pairs of objects that are too similar", "object": "string|null",
+    "similar[]": {"": "pairs of objects that are too similar", "object": "string|null",
       "image_id": "string", "other": "string|null", "other_image": "string",
       "confused": "integer: number of photos of one that were found as the other"},
     "plain[]": {"": "images with few keypoints", "object": "string|null", "image_id": "string",

@@ -135,7 +135,8 @@ async function refresh() {
     byId("vocabularies").replaceChildren(...vocabularies.map(vocabularyRow));
     showJobs(mine);
     say(byId("collection-status"), "");
-    if (mine.some(isActive)) timer = setTimeout(refresh, kPollMs);
+    const isPreparing = record.images && !record.vocabulary;  // training starts a moment after the first images
+    if (isPreparing || mine.some(isActive)) timer = setTimeout(refresh, kPollMs);
   });
 }
 

@@ -78,7 +78,7 @@ function showReport(report, current) {
            ...report.by_strength.map((row, i) => difficultyRow(kStrengths[i], row))))),
     ...part("Photos of this test", "Pliant made these photos from images of the collection.", report.examples.map(exampleItem)),
     ...part("Too similar", "The objects of each pair are confused. Are they two names of one object? Or take an image that shows the difference.",
-            report.alike.map(pairItem), "pairs"),
+            report.similar.map(pairItem), "pairs"),
     ...part("Missed", "These images were missed in at least one photo.",
             report.missed.map((one) => imageItem(one.image_id, objectName(one.object), `missed in ${one.missed} of ${count(one.photos, "photo")}`))),
     ...part("Plain", "These images have few details. A sharper or larger image may help.",

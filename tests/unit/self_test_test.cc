@@ -81,7 +81,7 @@ TEST_F(SelfTestTest, FindsItsOwnPictures) {
   EXPECT_GE(count(SelfTestVerdict::kFound), 6);
   EXPECT_EQ(count(SelfTestVerdict::kWrong), 0);
   EXPECT_EQ(std::ranges::count(report.photos, true, &SelfTestPhoto::false_alarm), 0);
-  EXPECT_TRUE(report.alike.empty());
+  EXPECT_TRUE(report.similar.empty());
   // No alarm in eight photos: (1 + 0) / (8 + 1) is below the wanted rate from the lowest limit on.
   EXPECT_TRUE(report.reaches_rate);
   EXPECT_EQ(report.found_from, kLeastFoundFrom);
@@ -113,8 +113,8 @@ TEST_F(SelfTestTest, NamesTwinsAndPlainImages) {
   }
   Add(engine, "wall", EncodePng(plain));
   const SelfTestReport report = RunSelfTest(engine, {.pictures = 7});
-  ASSERT_FALSE(report.alike.empty());
-  const AlikeObjects& twins = report.alike.front();
+  ASSERT_FALSE(report.similar.empty());
+  const SimilarObjects& twins = report.similar.front();
   EXPECT_THAT((std::vector{twins.object, twins.other}),
               ::testing::UnorderedElementsAre("map", "old map"));
   EXPECT_FALSE(report.reaches_rate);

@@ -36,7 +36,7 @@ for (const [where, size] of [["desk", {}], ["phone", { width: 390, height: 844, 
     const { report } = await (await fetch(`${server.address}/v1/collections/default/selftest`)).json();
     const map = { object: "town map", image_id: "demo-town-map" };
     await page.route(kSelfTest, (route) => route.fulfill({ json: { report: { ...report, reaches_rate: false,
-      alike: [{ ...map, other: "poster", other_image: "demo-poster", confused: 2 }],
+      similar: [{ ...map, other: "poster", other_image: "demo-poster", confused: 2 }],
       missed: [{ ...map, photos: 3, missed: 1 }], plain: [{ ...map, keypoints: 40 }] } } }));
     await page.goto(`${server.address}/#/collection`);
     await house.waitForText(page, "#selftest-report", /No limit keeps false alarms at 20 %/);
