@@ -12,6 +12,7 @@
 namespace pliant {
 namespace {
 
+constexpr int kPreviewQuality = 60;  // of its JPEG
 // How many times the keypoints the second pass takes.
 constexpr int kSecondPassKeypoints = 4;
 
@@ -114,6 +115,12 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
   features.colours = MakeColourGrid(decoded.thumbnail);
+  if (options_.preview_side_px > 0 && !inside) {
+    const ScaledSize small =
+        ScaleToFit(decoded.image.width, decoded.image.height, options_.preview_side_px);
+    features.preview =
+        EncodeJpeg(ResizeImage(decoded.image, small.width, small.height), kPreviewQuality);
+  }
   features.keypoints = options_.enlarge_below > 0
                            ? DetectLowContrastKeypoints(decoded.image, keypoints, threads)
                            : DetectKeypoints(decoded.image, keypoints, threads);

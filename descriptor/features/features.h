@@ -72,6 +72,8 @@ struct Features {
   Descriptors descriptors;  // row i describes keypoints[i]
   std::string model_id;     // of the descriptors; a mismatch is always an error
   ColourGrid colours = {};  // of the whole image; empty if unknown
+  // The whole image, small and grey: a JPEG. Empty if unknown.
+  std::vector<std::uint8_t> preview = {};
 };
 
 }  // namespace pliant

@@ -22,6 +22,8 @@ std::shared_ptr<const Descriptor> MakeDescriptorFor(const EngineOptions& options
                         options.descriptor_options);
 }
 
+// Of a query's preview: a print of a quarter of the photo's width has the pixels of a stored one.
+constexpr int kQueryPreviewSide = 512;
 constexpr int kQueryKeypoints = 2;  // times those of an indexed image
 
 }  // namespace
@@ -135,6 +137,7 @@ const EngineCore::Extractors& EngineCore::extractors() {
     FeatureExtractor indexed(descriptor, extraction);
     extraction.keep = 0;
     extraction.enlarge_below = options_.enlarge ? std::numeric_limits<int>::max() : 0;
+    extraction.preview_side_px = kQueryPreviewSide;
     extractors_ = std::make_unique<const Extractors>(
         Extractors{std::move(indexed), {std::move(descriptor), extraction}});
   }

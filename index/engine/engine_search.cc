@@ -17,6 +17,7 @@
 #include "index/engine/search_run.h"
 #include "index/files/text.h"
 #include "index/store/blob_codec.h"
+#include "index/verify/appearance.h"
 #include "index/verify/locate.h"
 #include "index/verify/verification.h"
 
@@ -165,7 +166,9 @@ void Conclude(const Features& query, std::size_t usual_keypoints, const Features
   const double evidence =
       Evidence(result.effective_inliers,
                InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing));
-  comparison->probability = Rounded(Probability(kNoResemblance, evidence));
+  const auto appearance = CompareAppearance(query, reference, result);
+  comparison->explanation.appearance = appearance;
+  comparison->probability = Rounded(Probability(kNoResemblance, evidence) * SameObject(appearance));
 }
 
 // Throws kInvalidArgument that names the option.

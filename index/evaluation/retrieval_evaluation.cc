@@ -75,7 +75,7 @@ class DatabaseFolder {
     const std::string what = info.model_id + '/' + std::to_string(extraction.decode.max_side_px) +
                              '/' + std::to_string(extraction.keypoints.max_keypoints) + '/' +
                              std::to_string(extraction.keypoints.keep_repeated_orientations) +
-                             (enlarge ? "/enlarged, faint" : "") + "/colours";
+                             (enlarge ? "/enlarged, faint" : "") + "/colours, preview";
     return path_ / (info.name + '-' + Sha256Hex(what).substr(0, kKeyDigits) + ".db");
   }
 

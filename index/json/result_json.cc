@@ -18,6 +18,14 @@ Json PolygonJson(const std::vector<Point>& polygon) {
   return points;
 }
 
+Json AppearanceJson(const std::optional<Appearance>& appearance) {
+  if (!appearance) return nullptr;
+  const auto& colours = appearance->colour_difference;
+  return {{"seen_again", appearance->seen_again},
+          {"agreement", appearance->agreement},
+          {"colour_difference", colours ? Json(*colours) : Json(nullptr)}};
+}
+
 Json ExplanationJson(const Explanation& e) {
   Json pairs = Json::array();
   for (const PointPair& pair : e.inliers) {
@@ -36,6 +44,7 @@ Json ExplanationJson(const Explanation& e) {
           {"inlier_fraction", e.inlier_fraction},
           {"independent_inliers", e.independent_inliers},
           {"colour_difference", e.colour_difference ? Json(*e.colour_difference) : Json(nullptr)},
+          {"appearance", AppearanceJson(e.appearance)},
           {"pairs", std::move(pairs)},
           {"reference", std::move(reference)},
           {"mesh", e.mesh ? MeshJson(*e.mesh) : Json(nullptr)}};

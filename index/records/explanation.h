@@ -36,6 +36,15 @@ struct PointPair {
   Vec2 reference;  // pixels of the original upright image of the hit
 };
 
+// What the pixels say, where the details match: whether it is this object, or one that shares
+// details with it.
+struct Appearance {
+  double seen_again = 0;  // share of the reference's texture that the query shows again, 0..1
+  double agreement = 0;   // mean correlation within the hull of the inliers, -1..1
+  // Explanation::colour_difference per strength of the reference's colours; absent if unknown.
+  std::optional<double> colour_difference;
+};
+
 struct Explanation {
   double ranking_score = 0;  // of the ranking, before verification raised it
   bool verified = false;
@@ -47,9 +56,10 @@ struct Explanation {
   // Absent if one of the images is grey or was indexed without colours, if too little is visible,
   // or without inliers.
   std::optional<double> colour_difference;
-  std::vector<PointPair> inliers;  // the matches that fit the warp
-  std::optional<Mesh> mesh;        // the warp, hit's image -> query image; when verified
-  int reference_width = 0;         // of the hit's original upright image; 0 = not verified
+  std::optional<Appearance> appearance;  // absent without strong evidence or without previews
+  std::vector<PointPair> inliers;        // the matches that fit the warp
+  std::optional<Mesh> mesh;              // the warp, hit's image -> query image; when verified
+  int reference_width = 0;               // of the hit's original upright image; 0 = not verified
   int reference_height = 0;
 };
 

@@ -31,12 +31,13 @@ static_assert(std::endian::native == std::endian::little,
 constexpr std::size_t kChecksumBytes = 4;
 
 constexpr char kFeatureMagic[4] = {'P', 'L', 'F', 'T'};
-constexpr std::uint8_t kFeatureVersion = 3;
+constexpr std::uint8_t kFeatureVersion = 4;
 constexpr std::size_t kFeatureHeaderBytes = 23;
 constexpr std::size_t kKeypointBytes = 8;
 constexpr std::uint32_t kMaxRows = 1u << 20;
-constexpr std::uint8_t kWithColours = 1;
-constexpr std::size_t kColourHeaderBytes = 4;
+constexpr std::uint8_t kWithColours = 1;  // bits
+constexpr std::uint8_t kWithPreview = 2;
+constexpr std::size_t kColourHeaderBytes = 4;  // and of a preview
 constexpr std::uint16_t kMaxColourSide = 1024;
 
 // `what`: the blob, in the plural.
@@ -177,6 +178,25 @@ ColourGrid GetColours(Bytes rest) {
   return grid;
 }
 
+void PutPreview(std::vector<std::uint8_t>& out, Bytes preview) {
+  if (preview.empty()) return;
+  PutValue(out, static_cast<std::uint32_t>(preview.size()));
+  out.insert(out.end(), preview.begin(), preview.end());
+}
+
+// From the beginning of `rest`, which then begins behind it.
+std::vector<std::uint8_t> GetPreview(Bytes* rest) {
+  constexpr std::size_t kSizeBytes = 4;
+  if (rest->size() < kSizeBytes) ThrowCorruptBlob("features end within their preview");
+  const auto size = GetValue<std::uint32_t>(*rest, 0);
+  if (size == 0 || size > rest->size() - kSizeBytes) {
+    ThrowCorruptBlob("features have a preview of another size than they say");
+  }
+  const Bytes preview = rest->subspan(kSizeBytes, size);
+  *rest = rest->subspan(kSizeBytes + size);
+  return {preview.begin(), preview.end()};
+}
+
 void CheckShape(const Features& features) {
   const Descriptors& d = features.descriptors;
   const std::size_t values = d.kind == DescriptorKind::kFloat ? d.floats.size() : d.bytes.size();
@@ -225,13 +245,15 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
   for (const char c : kFeatureMagic) out.push_back(static_cast<std::uint8_t>(c));
   out.push_back(kFeatureVersion);
   out.push_back(static_cast<std::uint8_t>(descriptors.kind));
-  out.push_back(features.colours.empty() ? 0 : kWithColours);
+  out.push_back(static_cast<std::uint8_t>((features.colours.empty() ? 0 : kWithColours) |
+                                          (features.preview.empty() ? 0 : kWithPreview)));
   PutValue(out, static_cast<std::uint32_t>(descriptors.rows));
   PutValue(out, static_cast<std::uint32_t>(descriptors.dim));
   PutValue(out, static_cast<std::int32_t>(features.width));
   PutValue(out, static_cast<std::int32_t>(features.height));
   PutKeypoints(features, out);
   PutDescriptors(descriptors, &out);
+  PutPreview(out, features.preview);
   PutColours(out, features.colours);
   PutValue(out, Crc32(out));
   return out;
@@ -247,16 +269,18 @@ Features DecodeFeatures(Bytes blob) {
     ThrowCorruptBlob("features are of format version " + std::to_string(body[4]) +
                      ", which this Pliant does not read");
   }
-  if (body[5] > 1 || body[6] > kWithColours) ThrowCorruptBlob("features are of an unknown kind");
+  if (body[5] > 1 || body[6] > (kWithColours | kWithPreview))
+    ThrowCorruptBlob("features are of an unknown kind");
   const auto kind = static_cast<DescriptorKind>(body[5]);
-  const bool with_colours = body[6] == kWithColours;
+  const bool with_colours = (body[6] & kWithColours) != 0;
+  const bool with_preview = (body[6] & kWithPreview) != 0;
   const auto rows = GetValue<std::uint32_t>(body, 7);
   const auto dim = GetValue<std::uint32_t>(body, 11);
   if (rows > kMaxRows || dim > kMaxDim) ThrowCorruptBlob("features claim an impossible size");
   const std::size_t keypoint_bytes = rows * kKeypointBytes;
   const std::size_t end =
       kFeatureHeaderBytes + keypoint_bytes + rows * CodedRowBytes(kind, static_cast<int>(dim));
-  if (with_colours ? body.size() < end : body.size() != end) {
+  if (body[6] != 0 ? body.size() < end : body.size() != end) {
     ThrowCorruptBlob("features have a length that differs from what their header says");
   }
   Features features;
@@ -269,7 +293,13 @@ Features DecodeFeatures(Bytes blob) {
   features.keypoints = GetKeypoints(rest.first(keypoint_bytes), features.width, features.height);
   features.descriptors =
       GetDescriptors(rest.subspan(keypoint_bytes), kind, rows, static_cast<int>(dim));
-  if (with_colours) features.colours = GetColours(body.subspan(end));
+  Bytes more = body.subspan(end);
+  if (with_preview) features.preview = GetPreview(&more);
+  if (with_colours) {
+    features.colours = GetColours(more);
+  } else if (!more.empty()) {
+    ThrowCorruptBlob("features have a length that differs from what their header says");
+  }
   return features;
 }
 

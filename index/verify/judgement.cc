@@ -35,6 +35,16 @@ double Probability(double ranking_score, double evidence) {
   return kJudgement.odds * score / (kJudgement.odds * score + 1 - score);
 }
 
+double SameObject(const std::optional<Appearance>& appearance) {
+  if (!appearance) return 1;
+  const JudgementConstants& k = kJudgement;
+  const double evidence =
+      k.per_agreement * appearance->agreement + k.per_seen_again * appearance->seen_again -
+      k.per_colour_difference * appearance->colour_difference.value_or(k.usual_colour_difference);
+  const double same = 1 / (1 + k.siblings * std::exp(k.half_of_siblings - evidence));
+  return std::min(1.0, same / k.usually_same);
+}
+
 double Rounded(double probability) {
   const double steps = kJudgement.steps;
   return std::clamp(std::round(probability * steps), 1.0, steps - 1) / steps;

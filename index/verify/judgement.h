@@ -5,6 +5,9 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+
+#include "index/records/explanation.h"
 
 namespace pliant {
 
@@ -37,6 +40,16 @@ struct JudgementConstants {
   // The ranking counts up to this score. Without evidence no hit is more probable than 0.19, so
   // that the verdict is neither found nor perhaps.
   double most_of_ranking = 0.008;
+  // SameObject, a logistic regression: of real packages, banknotes and labels that were found, half
+  // of them siblings of the right object, which was left out.
+  double per_agreement = 8;
+  double per_seen_again = 9.5;
+  double per_colour_difference = 7;
+  double usual_colour_difference = 0.25;  // median, where it is unknown
+  double half_of_siblings = 8.8;          // as many siblings as right objects have this evidence
+  // Odds that a photo whose details match shows an object that is missing, and has a sibling.
+  double siblings = 0.05;
+  double usually_same = 0.95;  // what is more is as good as certain
 };
 inline constexpr JudgementConstants kJudgement;
 
@@ -65,6 +78,10 @@ inline constexpr double kNoResemblance = 0.002;
 //   p / (1 - p) = 30 s / (1 - s) (1 + e)^4,   s = min(ranking_score, 0.008).
 // The limit of s means: without evidence nothing is found. The least evidence counts as none.
 double Probability(double ranking_score, double evidence);
+
+// The probability that an image whose details match shows this object and not a sibling, from what
+// is seen of it. 1 if that is unknown, or above 0.95, as of most objects.
+double SameObject(const std::optional<Appearance>& appearance);
 
 // In whole steps (JudgementConstants::steps).
 double Rounded(double probability);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "descriptor/base/parallel.h"
+#include "index/verify/appearance.h"
 #include "index/verify/warp_geometry.h"
 
 namespace pliant {
@@ -29,6 +30,19 @@ void AddInstance(const FoundInstance& found, VerifiedImage* image) {
   for (std::size_t i = 0; i < found.inliers.size(); ++i) {
     image->matches.push_back({found.inliers[i].query, found.distances[i], factor});
   }
+}
+
+void Compare(const Features& query, const Features& reference, const VerificationResult& result,
+             VerifiedImage* image) {
+  const auto add = [&](const FoundInstance& found) {
+    const auto appearance = CompareAppearance(query, reference, found);
+    if (!image->explanations.empty()) {
+      image->explanations[image->same.size()].appearance = appearance;
+    }
+    image->same.push_back(SameObject(appearance));
+  };
+  add(result);
+  std::ranges::for_each(result.others, add);
 }
 
 }  // namespace
@@ -68,6 +82,7 @@ std::vector<VerifiedImage> Rerank(
         InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing);
     candidate.evidence = Evidence(result.effective_inliers, candidate.by_chance);
     candidate.image.score = LiftScore(candidate.ranking_score, candidate.evidence);
+    if (HasStrongEvidence(candidate)) Compare(query, *features, result, &candidate);
   });
   return images;
 }

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <unordered_map>
@@ -48,6 +48,7 @@ struct Detection {
   Box box;                   // of the outline
   std::size_t kept = 0;      // matches that the object keeps
   double odds = 0;           // of what is seen here alone
+  double same = 1;           // SameObject
 };
 
 double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
@@ -80,9 +81,13 @@ std::vector<Detection> DetectionsIn(const Features& query,
       const double share = static_cast<double>(kept) / static_cast<double>(points.size());
       // Of rivals, not against chance: so both have the same inliers by chance.
       const double evidence = Evidence(instance.independent, by_chance) * std::sqrt(share);
-      const double odds = Odds(LiftScore(image.ranking_score, evidence));
+      const double same = image.same.empty() ? 1 : image.same[k];
+      // Sharpened later (Doubt), which the odds of siblings are not.
+      const double odds = Odds(LiftScore(image.ranking_score, evidence)) *
+                          std::pow(Odds(std::min(same, kJudgement.usually_same)), 1 / kSharpness);
       const Box box(outline);
-      detections.push_back({i, k, object, std::move(outline), std::move(points), box, kept, odds});
+      detections.push_back(
+          {i, k, object, std::move(outline), std::move(points), box, kept, odds, same});
     }
   }
   return detections;
@@ -116,6 +121,11 @@ Competition CompetitionOf(const Detection& own, const std::vector<Detection>& de
   return competition;
 }
 
+// Of the instance that looks most like the object.
+double MostSame(const VerifiedImage& image) {
+  return image.same.empty() ? 1 : *std::ranges::max_element(image.same);
+}
+
 // An image that is supported through another one is no more probable than that one, and less if the
 // two have different names.
 void FollowTheirSources(std::vector<VerifiedImage>* images) {
@@ -136,7 +146,7 @@ void FollowTheirSources(std::vector<VerifiedImage>* images) {
     const double sources = Probability(source.ranking_score, source.evidence);
     const std::int64_t object = image->image.object;
     const bool differ = object != 0 && source.image.object != 0 && object != source.image.object;
-    image->probability = alone * source.probability / std::max(1e-12, sources) /
+    image->probability = MostSame(*image) * alone * source.probability / std::max(1e-12, sources) /
                          (1 + (differ ? Doubt(Odds(sources), Odds(alone)) : 0));
   }
 }
@@ -172,16 +182,17 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
     image.probability = Probability(image.ranking_score, image.evidence);
   }
   const std::vector<Detection> detections = DetectionsIn(query, *images);
-  std::vector<double> doubts(images->size(), std::numeric_limits<double>::infinity());
+  std::vector<std::optional<double>> shares(images->size());
   std::vector<std::vector<std::size_t>> lost(images->size());  // instances
   for (const Detection& detection : detections) {
     const Competition competition = CompetitionOf(detection, detections);
-    double& doubt = doubts[detection.image];
-    doubt = std::min(doubt, competition.doubt);
+    std::optional<double>& share = shares[detection.image];
+    share = std::max(share.value_or(0), detection.same / (1 + competition.doubt));
     if (competition.is_suppressed) lost[detection.image].push_back(detection.instance);
   }
   for (std::size_t i = 0; i < images->size(); ++i) {
-    if (std::isfinite(doubts[i])) (*images)[i].probability /= 1 + doubts[i];
+    VerifiedImage& image = (*images)[i];
+    image.probability *= shares[i].value_or(MostSame(image));
   }
   FollowTheirSources(images);
   SuppressWithoutInstances(images);

@@ -313,7 +313,8 @@ void Verifier::FindFurther(const Features& reference, const std::vector<Match>& 
 }
 
 Features Subset(const Features& features, const std::function<bool(const Keypoint&)>& keep) {
-  Features kept{features.width, features.height, {}, {}, features.model_id, features.colours};
+  Features kept{features.width,   features.height, {}, {}, features.model_id,
+                features.colours, features.preview};
   std::vector<std::uint32_t> rows;
   for (std::uint32_t i = 0; i < features.keypoints.size(); ++i) {
     if (!keep(features.keypoints[i])) continue;

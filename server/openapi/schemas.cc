@@ -145,8 +145,13 @@ constexpr const char* kSchemas = R"json({
     "inlier_fraction": "number",
     "independent_inliers": "number: the effective inlier count: nearby inliers share one count",
     "colour_difference": "number|null: mean, in CIELAB a* and b*, corrected for the light",
+    "appearance": "Appearance|null: what the pixels say; null without strong evidence",
     "pairs": "points: x and y in the query, x and y in the hit", "reference": "Size|null",
     "mesh": "any|null: the warp: positions in the query of a grid over the hit's image"},
+  "Appearance": {
+    "seen_again": "share: of the hit's texture that the query shows again",
+    "agreement": "number: mean correlation of the pixels within the matched part, -1 to 1",
+    "colour_difference": "number|null: relative to the strength of the colours"},
   "ComparedImage": {"width": "integer", "height": "integer", "keypoints": "integer"},
   "Comparison": {
     "took_ms": "number",

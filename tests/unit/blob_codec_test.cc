@@ -165,6 +165,38 @@ TEST(BlobCodec, ColoursComeBack) {
   EXPECT_EQ(InStoredPrecision(features).colours, features.colours);
 }
 
+TEST(BlobCodec, PreviewsComeBack) {
+  Features features = RandomFeatures(3, Values::kUnit, 8);
+  EXPECT_TRUE(DecodeFeatures(EncodeFeatures(features)).preview.empty());
+  features.preview = {1, 2, 3, 4, 5, 255};
+  for (const ColourGrid& colours : {ColourGrid{}, ColourGrid{2, 1, {1, 2, 3, 4}}}) {
+    features.colours = colours;
+    for (const Features& back :
+         {DecodeFeatures(EncodeFeatures(features)), InStoredPrecision(features)}) {
+      EXPECT_EQ(back.preview, features.preview);
+      EXPECT_EQ(back.colours, colours);
+    }
+  }
+}
+
+TEST(BlobCodec, PreviewsOfAnotherSizeAreRefused) {
+  Features features = RandomFeatures(3, Values::kUnit, 8);
+  features.preview = std::vector<std::uint8_t>(6);
+  const std::vector<std::uint8_t> blob = EncodeFeatures(features);
+  const std::size_t preview = blob.size() - 4 - 6 - 4;
+  for (const auto& [at, value] : {std::pair<std::size_t, int>{preview, 7},
+                                  {preview, 5},
+                                  {preview, 0},
+                                  {preview + 3, 255},
+                                  {6, 0},
+                                  {6, 1}}) {
+    std::vector<std::uint8_t> changed(blob.begin(), blob.end() - 4);
+    changed[at] = static_cast<std::uint8_t>(value);
+    PutValue(changed, Crc32(changed));
+    ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(changed); });
+  }
+}
+
 TEST(BlobCodec, ColoursAreCompressed) {
   Features features = RandomFeatures(3, Values::kUnit, 8);
   const std::size_t without = EncodeFeatures(features).size();
@@ -203,7 +235,8 @@ TEST(BlobCodec, ColoursOfAnotherSizeAreRefused) {
     ExpectError(ErrorCode::kCorrupt, "blob_corrupt", [&] { DecodeFeatures(changed); });
   };
   refused([&](auto* b) { (*b)[6] = 0; });        // there are none, it says
-  refused([&](auto* b) { (*b)[6] = 2; });        // of an unknown kind
+  refused([&](auto* b) { (*b)[6] = 4; });        // of an unknown kind
+  refused([&](auto* b) { (*b)[6] = 3; });        // there is a preview, it says
   refused([&](auto* b) { (*b)[colours] = 4; });  // columns
   refused([&](auto* b) { (*b)[colours] = 0; });
   refused([&](auto* b) { (*b)[colours + 3] = 9; });  // rows beyond all bounds

@@ -69,6 +69,20 @@ TEST(Judgement, WithoutEvidenceNothingIsFound) {
   EXPECT_GT(Probability(0.002, 3.5), kFoundProbability);
 }
 
+TEST(Judgement, PixelsTellAnObjectFromItsSiblings) {
+  EXPECT_EQ(SameObject({}), 1) << "unknown";
+  EXPECT_EQ(SameObject(Appearance{0.6, 0.9, 0.2}), 1);
+  EXPECT_LT(SameObject(Appearance{0.1, 0.6, 0.5}), 0.1);
+  const Appearance doubtful{0.3, 0.75, 0.4};
+  const double between = SameObject(doubtful);
+  EXPECT_GT(between, 0.1);
+  EXPECT_LT(between, 0.95);
+  EXPECT_GT(SameObject(Appearance{0.35, 0.75, 0.4}), between);
+  EXPECT_GT(SameObject(Appearance{0.3, 0.8, 0.4}), between);
+  EXPECT_GT(SameObject(Appearance{0.3, 0.75, 0.35}), between);
+  EXPECT_GT(SameObject(Appearance{0.3, 0.75, {}}), between) << "grey";
+}
+
 TEST(Judgement, ProbabilitiesAreWholePercentages) {
   EXPECT_EQ(Rounded(0), 0.01);
   EXPECT_EQ(Rounded(0.374), 0.37);

@@ -169,6 +169,26 @@ TEST(SuppressNonMaxima, APartOfAThingIsNoRival) {
   EXPECT_DOUBLE_EQ(images[1].probability, Alone(0.9));
 }
 
+TEST(SuppressNonMaxima, WhatLooksLikeASiblingIsLessProbable) {
+  std::vector<VerifiedImage> images = {Seen(1, 0.99, 0, 50, 0.3F), Through("image", 1, 0.94)};
+  std::vector<VerifiedImage> surer = images;
+  images[0].same = {0.5};
+  SuppressNonMaxima(Query(), &images);
+  SuppressNonMaxima(Query(), &surer);
+  EXPECT_EQ(images[0].probability, 0.5);
+  EXPECT_LE(images[1].probability, images[0].probability) << "found through it";
+  EXPECT_LT(images[1].probability, surer[1].probability);
+}
+
+TEST(SuppressNonMaxima, OfSiblingsTheOneThatLooksRightWins) {
+  // As many inliers, but for one match each.
+  std::vector<VerifiedImage> images = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.99, 0, 49, 0.3F)};
+  images[0].same = {0.3};
+  SuppressNonMaxima(Query(), &images);
+  EXPECT_LT(images[0].probability, 0.1);
+  EXPECT_GT(images[1].probability, 0.9);
+}
+
 TEST(SuppressNonMaxima, CopiesUnderTwoNamesAreBothFound) {
   std::vector<VerifiedImage> images = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.99, 0, 50, 0.3F)};
   SuppressNonMaxima(Query(), &images);

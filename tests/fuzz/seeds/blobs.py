@@ -72,7 +72,7 @@ def weights():
 
 
 def features(kind, dim, rows, row, **changes):
-    values = {"magic": b"PLFT", "version": 3, "coloured": 0, "width": 640, "height": 480, **changes}
+    values = {"magic": b"PLFT", "version": 4, "coloured": 0, "width": 640, "height": 480, **changes}
     body = struct.pack("<4sBBBIIII", values["magic"], values["version"], kind, values["coloured"], rows, dim,
                        values["width"], values["height"])
     points = b"".join(struct.pack("<HHHBB", 9000 * i, 7000 * i, 20000 + i, 30 * i, 140) for i in range(rows))
@@ -89,6 +89,9 @@ def feature_blobs():
         "colours_more": coloured + struct.pack("<HH", 3, 2) + cells + b"1",
         "colours_none": coloured,
         "colours_huge": coloured + struct.pack("<HH", 0xFFFF, 0xFFFF) + cells,
+        "preview": features(0, 4, 1, row, coloured=2) + struct.pack("<I", 6) + bytes(range(6)),
+        "preview_and_colours": features(0, 4, 1, row, coloured=3) + struct.pack("<I", 2) + b"ab" + struct.pack("<HH", 3, 2) + cells,
+        "preview_cut": features(0, 4, 1, row, coloured=2) + struct.pack("<I", 7) + bytes(6),
         "bits": features(1, 4, 3, b"\x0f\xf0\xaa\x55"),
         "whole": features(0, 4, 3, row),
         "small_step": features(0, 4, 1, struct.pack("<H2B", 1, 0x9E, 0x40)),
@@ -98,7 +101,7 @@ def feature_blobs():
         "no_dim": features(0, 0, 2, b""),
         "wide": features(0, 4, 1, row, width=0xFFFFFFFF),
         "flag": features(0, 4, 1, row, coloured=9),
-        "version": features(0, 4, 1, row, version=2),
+        "version": features(0, 4, 1, row, version=3),
         "many": features(0, 4, 0, b"")[:7] + struct.pack("<II", 1 << 20, 1 << 14) + bytes(8),
     }
 
