@@ -69,8 +69,11 @@ using dnnl::memory;
 using Tag = memory::format_tag;
 using Type = memory::data_type;
 
-// Buffers that are kept between calls. A network of its size is made for every size of image.
-constexpr std::size_t kIdleBytes = std::size_t{512} << 20;
+// Buffers and oneDNN primitives that are kept between calls: a network of its size is made for
+// every size of image. oneDNN's own limit of 1024 primitives takes gigabytes for photos of many
+// sizes.
+constexpr int kKeptPrimitives = 128;
+constexpr std::size_t kIdleBytes = std::size_t{64} << 20;
 
 // Output extent of a kernel of odd size with half of it as padding.
 int Strided(int extent, int stride) { return (extent - 1) / stride + 1; }
@@ -290,7 +293,9 @@ double DisplacementGain() { return 2 * HalfWidth() / kBoxScale; }
 Backbone::Backbone(std::shared_ptr<const DealWeights> weights, Type type)
     : weights_(std::move(weights)),
       type_(type),
-      pool_(kIdleBytes, [](const SizedBackbone& network) { return network.bytes(); }) {}
+      pool_(kIdleBytes, [](const SizedBackbone& network) { return network.bytes(); }) {
+  dnnl::set_primitive_cache_capacity(kKeptPrimitives);
+}
 
 Backbone::~Backbone() = default;
 
