@@ -3,82 +3,38 @@
 #include "descriptor/base/base64.h"
 
 #include <algorithm>
-#include <array>
-#include <initializer_list>
+
+#include <openssl/evp.h>
 
 namespace pliant {
 namespace {
 
-constexpr std::string_view kDigits =
-    "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-constexpr std::string_view kUrlDigits =
-    "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
-
-constexpr std::int8_t kNone = -1;
-constexpr std::int8_t kBlank = -2;
-using Values = std::array<std::int8_t, 256>;  // of each character
-
-constexpr Values ValuesOf(std::initializer_list<std::string_view> alphabets,
-                          std::string_view blanks = {}) {
-  Values values{};
-  for (std::int8_t& value : values) value = kNone;
-  for (const std::string_view digits : alphabets) {
-    for (std::size_t i = 0; i < digits.size(); ++i) {
-      values[static_cast<unsigned char>(digits[i])] = static_cast<std::int8_t>(i);
-    }
-  }
-  for (const char c : blanks) values[static_cast<unsigned char>(c)] = kBlank;
-  return values;
-}
-
 constexpr std::string_view kBlanks = " \t\r\n";
-constexpr Values kAnyValues = ValuesOf({kDigits, kUrlDigits}, kBlanks);
-constexpr Values kUrlValues = ValuesOf({kUrlDigits});
 
-std::string Encode(const std::uint8_t* data, std::size_t bytes, std::string_view digits, bool pad) {
-  std::string text;
-  text.reserve((bytes + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes; i += 3) {
-    const std::size_t have = std::min<std::size_t>(3, bytes - i);
-    std::uint32_t group = data[i] << 16;
-    if (have > 1) group |= data[i + 1] << 8;
-    if (have > 2) group |= data[i + 2];
-    for (std::size_t j = 0; j < 4; ++j) {
-      if (j <= have) {
-        text += digits[(group >> (18 - 6 * j)) & 63];
-      } else if (pad) {
-        text += '=';
-      }
-    }
-  }
-  return text;
+void Replace(std::string& text, char from, char to) {
+  std::replace(text.begin(), text.end(), from, to);
 }
 
-// One form for each value: no left-over character, no stray bits.
+// Section 4 without padding. One form for each value: no left-over character, no stray bits.
 template <typename Container>
-bool Decode(std::string_view text, const Values& values, Container* bytes) {
-  bytes->clear();
-  bytes->reserve(text.size() / 4 * 3 + 2);
-  std::uint32_t group = 0;
-  int bits = 0;
-  for (const char c : text) {
-    const std::int8_t value = values[static_cast<unsigned char>(c)];
-    if (value == kBlank) continue;
-    if (value < 0) return false;
-    group = (group << 6 | static_cast<std::uint32_t>(value)) & 0xffff;
-    bits += 6;
-    if (bits >= 8) {
-      bits -= 8;
-      bytes->push_back(static_cast<typename Container::value_type>(group >> bits & 0xff));
-    }
-  }
-  return bits < 6 && (group & ((1U << bits) - 1)) == 0;
+bool Decode(std::string text, Container* bytes) {
+  const std::size_t padding = (4 - text.size() % 4) % 4;
+  text.append(padding, '=');
+  bytes->resize(text.size() / 4 * 3);
+  const auto* from = reinterpret_cast<const unsigned char*>(text.data());
+  auto* to = reinterpret_cast<unsigned char*>(bytes->data());
+  if (padding == 3 || EVP_DecodeBlock(to, from, static_cast<int>(text.size())) < 0) return false;
+  bytes->resize(bytes->size() - padding);
+  return Base64(bytes->data(), bytes->size()) == text;
 }
 
 }  // namespace
 
 std::string Base64(const void* data, std::size_t bytes) {
-  return Encode(static_cast<const std::uint8_t*>(data), bytes, kDigits, true);
+  std::string text((bytes + 2) / 3 * 4, '\0');  // and OpenSSL writes a zero behind it
+  EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
+                  static_cast<const unsigned char*>(data), static_cast<int>(bytes));
+  return text;
 }
 
 bool Base64Decode(std::string_view text, std::vector<std::uint8_t>* bytes) {
@@ -93,17 +49,28 @@ bool Base64Decode(std::string_view text, std::vector<std::uint8_t>* bytes) {
   const std::size_t end = text.find_last_not_of(kBlanks) + 1;
   std::size_t padding = 0;
   for (text = text.substr(0, end); text.ends_with('='); text.remove_suffix(1)) ++padding;
-  return Decode(text, kAnyValues, bytes) && (padding == 0 || (bytes->size() + padding) % 3 == 0) &&
-         padding < 3;
+  std::string digits(text);
+  std::erase_if(digits, [](char c) { return kBlanks.find(c) != std::string_view::npos; });
+  Replace(digits, '-', '+');
+  Replace(digits, '_', '/');
+  if (padding > 0 && (padding > 2 || (digits.size() + padding) % 4 != 0)) return false;
+  return Decode(std::move(digits), bytes);
 }
 
 std::string Base64UrlEncode(std::string_view bytes) {
-  return Encode(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), kUrlDigits,
-                false);
+  std::string text = Base64(bytes.data(), bytes.size());
+  text.erase(std::min(text.find('='), text.size()));
+  Replace(text, '+', '-');
+  Replace(text, '/', '_');
+  return text;
 }
 
 bool Base64UrlDecode(std::string_view text, std::string* bytes) {
-  return Decode(text, kUrlValues, bytes);
+  if (text.find_first_of("+/=") != std::string_view::npos) return false;
+  std::string digits(text);
+  Replace(digits, '-', '+');
+  Replace(digits, '_', '/');
+  return Decode(std::move(digits), bytes);
 }
 
 }  // namespace pliant

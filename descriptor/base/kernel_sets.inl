@@ -6,6 +6,10 @@
 // those resolve before main, where the sanitizers cannot run yet.
 #include <vector>
 
+#define PLIANT_INLINE inline __attribute__((always_inline))
+#define PLIANT_TEXT_OF(name) #name
+#define PLIANT_TEXT(name) PLIANT_TEXT_OF(name)
+
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define PLIANT_X86_KERNELS 1
 #endif
@@ -18,7 +22,7 @@
 
 #ifdef PLIANT_X86_KERNELS
 #pragma GCC push_options
-#pragma GCC target("avx2,fma")
+#pragma GCC target("avx2,fma,popcnt")
 #define PLIANT_LANES 8
 #define PLIANT_KERNELS avx2
 #include PLIANT_KERNEL_FILE
@@ -27,7 +31,7 @@
 #pragma GCC pop_options
 
 #pragma GCC push_options
-#pragma GCC target("avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")
+#pragma GCC target("avx512f,avx512vl,avx512dq,avx512bw,avx2,fma,popcnt")
 #define PLIANT_LANES 16
 #define PLIANT_KERNELS avx512
 #include PLIANT_KERNEL_FILE
@@ -42,7 +46,8 @@ const std::vector<const Kernels*>& UsableKernels() {
   static const std::vector<const Kernels*> usable = [] {
     std::vector<const Kernels*> kernels;
 #ifdef PLIANT_X86_KERNELS
-    const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+    const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
+                      __builtin_cpu_supports("popcnt");
     if (avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw")) {
       kernels.push_back(&avx512::kTable);

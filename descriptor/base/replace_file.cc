@@ -25,7 +25,6 @@ std::error_code WriteNew(const std::string& path, std::span<const std::string_vi
     if (!error) error = WriteAt(fd, offset, part);
     offset += part.size();
   }
-  if (!error) error = Flush(fd);
   if (::close(fd) != 0 && !error) error = LastError();
   return error;
 }
@@ -38,10 +37,6 @@ std::error_code FlushDirectory(const std::filesystem::path& directory) {
   const std::error_code error = Flush(fd);
   ::close(fd);
   return error == std::errc::invalid_argument ? std::error_code() : error;
-}
-
-std::filesystem::path FolderOf(const std::filesystem::path& path) {
-  return path.has_parent_path() ? path.parent_path() : ".";
 }
 
 }  // namespace
@@ -61,12 +56,9 @@ std::error_code ReplaceFile(const std::filesystem::path& path,
                             std::span<const std::string_view> parts) {
   const std::string temporary = TemporaryNameOf(path);
   std::error_code error = WriteNew(temporary, parts);
-  if (!error && std::rename(temporary.c_str(), path.c_str()) != 0) error = LastError();
-  if (error) {
-    ::unlink(temporary.c_str());
-    return error;
-  }
-  return FlushDirectory(FolderOf(path));
+  if (!error) error = PublishFile(temporary, path);
+  if (error) ::unlink(temporary.c_str());
+  return error;
 }
 
 std::string TemporaryNameOf(const std::filesystem::path& path) {
@@ -80,7 +72,7 @@ std::error_code PublishFile(const std::string& temporary, const std::filesystem:
   ::close(fd);
   if (error) return error;
   if (std::rename(temporary.c_str(), path.c_str()) != 0) return LastError();
-  return FlushDirectory(FolderOf(path));
+  return FlushDirectory(path.has_parent_path() ? path.parent_path() : ".");
 }
 
 }  // namespace pliant

@@ -14,29 +14,17 @@ namespace {
 
 using dnnl::memory;
 
-ProductPrimitive HeadProduct(const std::vector<ConvLayer>& head) {
-  const ScopedPrimitiveThreads one(1);
-  const AffineMap map = FuseHead(head);
-  return {{0, static_cast<int>(HardNet::kBatch), map.inputs, map.outputs},
-          map.weight,
-          /*transposed=*/false,
-          map.bias,
-          Activation::kNone};
-}
+// An affine map from `inputs` to `outputs` values, weight inputs x outputs.
+struct AffineMap {
+  int inputs = 0;
+  int outputs = 0;
+  std::vector<float> weight;
+  std::vector<float> bias;
+};
 
-}  // namespace
-
-FirstLayer::FirstLayer(const ConvLayer& layer)
-    : channels(layer.outputs), stride(layer.stride), weight(layer.weight.size()), bias(layer.bias) {
-  const std::size_t outputs = bias.size();  // from outputs x 9
-  for (std::size_t i = 0; i < weight.size(); ++i) {
-    weight[i] = layer.weight[i % outputs * 9 + i / outputs];
-  }
-}
-
-// The head has no activation between its layers, and affine maps make one affine map. From the last
-// layer back: with y = R x + b so far and x = w * u + a below it, the window of
-// column j takes taps j .. j + kernel - 1 of u.
+// As one map from columns x channels values, channels fastest: the head has no activation between
+// its layers, and affine maps make one affine map. From the last layer back: with y = R x + b so
+// far and x = w * u + a below it, the window of column j takes taps j .. j + kernel - 1 of u.
 AffineMap FuseHead(const std::vector<ConvLayer>& head) {
   const auto outputs = static_cast<std::size_t>(head.back().outputs);
   std::size_t columns = 1;
@@ -69,6 +57,26 @@ AffineMap FuseHead(const std::vector<ConvLayer>& head) {
   }
   return {static_cast<int>(columns * channels), static_cast<int>(outputs),
           std::vector<float>(map.begin(), map.end()), std::vector<float>(bias.begin(), bias.end())};
+}
+
+ProductPrimitive HeadProduct(const std::vector<ConvLayer>& head) {
+  const ScopedPrimitiveThreads one(1);
+  const AffineMap map = FuseHead(head);
+  return {{0, static_cast<int>(HardNet::kBatch), map.inputs, map.outputs},
+          map.weight,
+          /*transposed=*/false,
+          map.bias,
+          Activation::kNone};
+}
+
+}  // namespace
+
+FirstLayer::FirstLayer(const ConvLayer& layer)
+    : channels(layer.outputs), stride(layer.stride), weight(layer.weight.size()), bias(layer.bias) {
+  const std::size_t outputs = bias.size();  // from outputs x 9
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    weight[i] = layer.weight[i % outputs * 9 + i / outputs];
+  }
 }
 
 void NormalizeLength(std::span<float> row) {

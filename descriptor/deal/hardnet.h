@@ -15,17 +15,6 @@
 
 namespace pliant::deal {
 
-// An affine map from `inputs` to `outputs` values, weight inputs x outputs.
-struct AffineMap {
-  int inputs = 0;
-  int outputs = 0;
-  std::vector<float> weight;
-  std::vector<float> bias;
-};
-
-// The layers of the head as one map from columns x channels values, channels fastest.
-AffineMap FuseHead(const std::vector<ConvLayer>& head);
-
 // Scales a row to unit length. As in PyTorch's normalize, lengths below 1e-12 are
 // replaced by 1e-12.
 void NormalizeLength(std::span<float> row);

@@ -5,23 +5,12 @@
 namespace pliant::deal::PLIANT_KERNELS {
 namespace {
 
-constexpr int kLanes = PLIANT_LANES;
-using Vec = float __attribute__((vector_size(kLanes * sizeof(float))));
-using UnalignedVec =
-    float __attribute__((vector_size(kLanes * sizeof(float)), aligned(4), may_alias));
-
-inline __attribute__((always_inline)) void Load(const float* from, Vec& to) {
-  to = *reinterpret_cast<const UnalignedVec*>(from);
-}
-
-inline __attribute__((always_inline)) void Store(const Vec& from, float* to) {
-  *reinterpret_cast<UnalignedVec*>(to) = from;
-}
+#include "descriptor/base/kernel_vectors.inl"
 
 // To bfloat16, the upper half of a float, rounded to nearest even.
-inline __attribute__((always_inline)) void Store(const Vec& from, std::uint16_t* to) {
-  using Bits = std::uint32_t __attribute__((vector_size(kLanes * sizeof(float))));
-  using Halves = std::uint16_t __attribute__((vector_size(kLanes * 2)));
+PLIANT_INLINE void Store(const Vec& from, std::uint16_t* to) {
+  using Bits = std::uint32_t __attribute__((vector_size(kWidth * sizeof(float))));
+  using Halves = std::uint16_t __attribute__((vector_size(kWidth * 2)));
   const auto bits = reinterpret_cast<Bits>(from);
   const Halves upper = __builtin_convertvector((bits + 0x7fff + ((bits >> 16) & 1)) >> 16, Halves);
   std::memcpy(to, &upper, sizeof(upper));
@@ -87,12 +76,11 @@ void SampleFeatures(const float* map, int height, int width, int channels, float
   }
   for (int i = 0; i < kNeighbours; ++i) {
     for (int j = 0; j < kNeighbours; ++j, out += channels) {
-      for (int c = 0; c < channels; c += kLanes) {
-        Vec v00, v01, v10, v11;
-        Load(cells[i][j] + c, v00);
-        Load(cells[i][j + 1] + c, v01);
-        Load(cells[i + 1][j] + c, v10);
-        Load(cells[i + 1][j + 1] + c, v11);
+      for (int c = 0; c < channels; c += kWidth) {
+        const Vec v00 = Load(cells[i][j] + c);
+        const Vec v01 = Load(cells[i][j + 1] + c);
+        const Vec v10 = Load(cells[i + 1][j] + c);
+        const Vec v11 = Load(cells[i + 1][j + 1] + c);
         const Vec top = v00 + (v01 - v00) * fx;
         const Vec bottom = v10 + (v11 - v10) * fx;
         Store(top + (bottom - top) * fy, out + c);
@@ -103,22 +91,17 @@ void SampleFeatures(const float* map, int height, int width, int channels, float
 
 inline float SumLanes(const Vec& values) {
   float sum = 0;
-  for (int i = 0; i < kLanes; ++i) sum += values[i];
+  for (int i = 0; i < kWidth; ++i) sum += values[i];
   return sum;
 }
 
 void Standardize(const float* patch, float* framed) {
   Vec total = {};
-  Vec value;
-  for (int p = 0; p < kPatchPixels; p += kLanes) {
-    Load(patch + p, value);
-    total += value;
-  }
+  for (int p = 0; p < kPatchPixels; p += kWidth) total += Load(patch + p);
   const float mean = SumLanes(total) / kPatchPixels;
   total = Vec{};
-  for (int p = 0; p < kPatchPixels; p += kLanes) {
-    Load(patch + p, value);
-    value -= mean;
+  for (int p = 0; p < kPatchPixels; p += kWidth) {
+    const Vec value = Load(patch + p) - mean;
     total += value * value;
   }
   const float scale = 1.0F / std::sqrt(SumLanes(total) / kPatchPixels + 1e-5F);
@@ -127,10 +110,7 @@ void Standardize(const float* patch, float* framed) {
     float* to = framed + row * kFramedSide;
     to[0] = 0.0F;
     to[kFramedSide - 1] = 0.0F;
-    for (int c = 0; c < kPatchSide; c += kLanes) {
-      Load(from + c, value);
-      Store((value - mean) * scale, to + 1 + c);
-    }
+    for (int c = 0; c < kPatchSide; c += kWidth) Store((Load(from + c) - mean) * scale, to + 1 + c);
   }
 }
 
@@ -138,8 +118,8 @@ template <typename Value>
 void FirstConv(const float* framed, int channels, int stride, const float* weight,
                const float* bias, Value* out) {
   constexpr int kOutputs = 16;  // at once
-  constexpr int kVecs = kOutputs / kLanes;
-  constexpr int kPixels = kLanes > 8 ? 16 : (kLanes > 4 ? 4 : 2);  // as the registers allow
+  constexpr int kVecs = kOutputs / kWidth;
+  constexpr int kPixels = kWidth > 8 ? 16 : (kWidth > 4 ? 4 : 2);  // as the registers allow
   const Vec zero = {};
   const int side = kPatchSide / stride;
   for (int row = 0; row < side; ++row) {
@@ -147,20 +127,19 @@ void FirstConv(const float* framed, int channels, int stride, const float* weigh
       for (int first = 0; first < channels; first += kOutputs) {
         Vec sum[kPixels][kVecs];
         for (int p = 0; p < kPixels; ++p) {
-          for (int v = 0; v < kVecs; ++v) Load(bias + first + v * kLanes, sum[p][v]);
+          for (int v = 0; v < kVecs; ++v) sum[p][v] = Load(bias + first + v * kWidth);
         }
         for (int tap = 0; tap < 9; ++tap) {
           const float* in =
               framed + (row * stride + tap / 3) * kFramedSide + column * stride + tap % 3;
           for (int v = 0; v < kVecs; ++v) {
-            Vec w;
-            Load(weight + tap * channels + first + v * kLanes, w);
+            const Vec w = Load(weight + tap * channels + first + v * kWidth);
             for (int p = 0; p < kPixels; ++p) sum[p][v] += w * in[p * stride];
           }
         }
         for (int p = 0; p < kPixels; ++p) {
           for (int v = 0; v < kVecs; ++v) {
-            Store(sum[p][v] > zero ? sum[p][v] : zero, out + p * channels + first + v * kLanes);
+            Store(sum[p][v] > zero ? sum[p][v] : zero, out + p * channels + first + v * kWidth);
           }
         }
       }
@@ -169,7 +148,7 @@ void FirstConv(const float* framed, int channels, int stride, const float* weigh
 }
 
 // One row of B^T d (Lavin and Gray 2016, section 4.3); six vectors in, six out, `step` apart.
-inline __attribute__((always_inline)) void InputRow(const Vec* d, Vec* t, int step) {
+PLIANT_INLINE void InputRow(const Vec* d, Vec* t, int step) {
   const Vec even = d[4 * step] - 4.0F * d[2 * step];
   const Vec odd = d[3 * step] - 4.0F * d[step];
   const Vec even2 = d[4 * step] - d[2 * step];
@@ -191,7 +170,7 @@ void WinogradInput(const float* in, int side, int channels, std::size_t plane, f
       rows[i] = in + static_cast<std::ptrdiff_t>((tile_y + i - 1 + side) % side) * side * channels;
     }
     for (int tile_x = 0; tile_x < side; tile_x += kTileSide, tiles += channels) {
-      for (int c = 0; c < channels; c += kLanes) {
+      for (int c = 0; c < channels; c += kWidth) {
         Vec d[36];
 #pragma GCC unroll 6
         for (int j = 0; j < 6; ++j) {
@@ -199,7 +178,7 @@ void WinogradInput(const float* in, int side, int channels, std::size_t plane, f
 #pragma GCC unroll 6
           for (int i = 0; i < 6; ++i) {
             d[i * 6 + j] = Vec{};
-            if (!outside) Load(rows[i] + (tile_x + j - 1) * channels + c, d[i * 6 + j]);
+            if (!outside) d[i * 6 + j] = Load(rows[i] + (tile_x + j - 1) * channels + c);
           }
           InputRow(d + j, d + j, 6);
         }
@@ -217,7 +196,7 @@ void WinogradInput(const float* in, int side, int channels, std::size_t plane, f
 }
 
 // One row of A^T m; six vectors in, four out, `step` apart.
-inline __attribute__((always_inline)) void OutputRow(const Vec* m, Vec* t, int step) {
+PLIANT_INLINE void OutputRow(const Vec* m, Vec* t, int step) {
   const Vec sum1 = m[step] + m[2 * step];
   const Vec difference1 = m[step] - m[2 * step];
   const Vec sum2 = m[3 * step] + m[4 * step];
@@ -230,16 +209,14 @@ inline __attribute__((always_inline)) void OutputRow(const Vec* m, Vec* t, int s
 }
 
 // The 4 x 4 outputs of one tile, after bias and ReLU, in m[6 * row + column].
-inline __attribute__((always_inline)) void OutputTile(const float* tile, std::size_t plane,
-                                                      const float* bias, Vec* m) {
+PLIANT_INLINE void OutputTile(const float* tile, std::size_t plane, const float* bias, Vec* m) {
   const Vec zero = {};
-  Vec b;
-  Load(bias, b);
+  const Vec b = Load(bias);
 #pragma GCC unroll 6
   for (int j = 0; j < 6; ++j) {
 #pragma GCC unroll 6
     for (int i = 0; i < 6; ++i) {
-      Load(tile + static_cast<std::size_t>(i * 6 + j) * plane, m[i * 6 + j]);
+      m[i * 6 + j] = Load(tile + static_cast<std::size_t>(i * 6 + j) * plane);
     }
     OutputRow(m + j, m + j, 6);
   }
@@ -258,7 +235,7 @@ void WinogradOutput(const float* tiles, int side, int channels, std::size_t plan
                     const float* bias, float* out) {
   for (int tile_y = 0; tile_y < side; tile_y += kTileSide) {
     for (int tile_x = 0; tile_x < side; tile_x += kTileSide, tiles += channels) {
-      for (int c = 0; c < channels; c += kLanes) {
+      for (int c = 0; c < channels; c += kWidth) {
         Vec m[36];
         OutputTile(tiles + c, plane, bias + c, m);
 #pragma GCC unroll 4
@@ -277,7 +254,7 @@ void WinogradPooled(const float* tiles, int side, int channels, std::size_t plan
   const int across = side / kTileSide;
   const float share = 1.0F / static_cast<float>(side);
   for (int tile_x = 0; tile_x < across; ++tile_x) {
-    for (int c = 0; c < channels; c += kLanes) {
+    for (int c = 0; c < channels; c += kWidth) {
       Vec sum[kTileSide] = {};
       for (int tile_y = 0; tile_y < across; ++tile_y) {
         Vec m[36];
@@ -295,9 +272,6 @@ void WinogradPooled(const float* tiles, int side, int channels, std::size_t plan
   }
 }
 
-#define PLIANT_TEXT_OF(name) #name
-#define PLIANT_TEXT(name) PLIANT_TEXT_OF(name)
-
 }  // namespace
 
 extern const Kernels kTable;
@@ -311,8 +285,5 @@ const Kernels kTable = {PLIANT_TEXT(PLIANT_KERNELS),
                         WinogradInput,
                         WinogradOutput,
                         WinogradPooled};
-
-#undef PLIANT_TEXT
-#undef PLIANT_TEXT_OF
 
 }  // namespace pliant::deal::PLIANT_KERNELS

@@ -109,6 +109,19 @@ void ForEach(std::size_t step, std::size_t total, int threads, const Body& body)
   });
 }
 
+// Throws kInvalidArgument naming the first keypoint that is not finite or has no positive size.
+void CheckKeypoints(std::span<const Keypoint> keypoints) {
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const Keypoint& point = keypoints[i];
+    if (!std::isfinite(point.x) || !std::isfinite(point.y) || !std::isfinite(point.size) ||
+        !(point.size > 0)) {
+      throw Error(
+          ErrorCode::kInvalidArgument, "keypoint_invalid",
+          "keypoint " + std::to_string(i) + " needs a finite place and a finite size above 0");
+    }
+  }
+}
+
 ProductPrimitive WarpProduct(RadialSpacing spacing) {
   const ScopedPrimitiveThreads one(1);
   std::vector<float> basis = TpsBasis(spacing);
@@ -436,18 +449,6 @@ GreyImage DealNetwork::ToImage(const Image& grey) {
   std::transform(grey.pixels.begin(), grey.pixels.end(), image.values.begin(),
                  [](std::uint8_t value) { return static_cast<float>(value) / 255.0F; });
   return image;
-}
-
-void DealNetwork::CheckKeypoints(std::span<const Keypoint> keypoints) {
-  for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    const Keypoint& point = keypoints[i];
-    if (!std::isfinite(point.x) || !std::isfinite(point.y) || !std::isfinite(point.size) ||
-        !(point.size > 0)) {
-      throw Error(
-          ErrorCode::kInvalidArgument, "keypoint_invalid",
-          "keypoint " + std::to_string(i) + " needs a finite place and a finite size above 0");
-    }
-  }
 }
 
 std::vector<float> DealNetwork::Displacements(std::span<const float> theta, int threads) const {

@@ -136,9 +136,6 @@ class DealNetwork {
   static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 24;
   static GreyImage ToImage(const Image& grey);
 
-  // Throws kInvalidArgument naming the first keypoint that is not finite or has no positive size.
-  static void CheckKeypoints(std::span<const Keypoint> keypoints);
-
   // count x 2 x kPatchPixels in units of R: x values, then y values, of each keypoint. One
   // product of theta (count x kTpsParameters x 2) with the constant basis.
   std::vector<float> Displacements(std::span<const float> theta, int threads) const;

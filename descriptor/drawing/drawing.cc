@@ -23,7 +23,6 @@ namespace {
 constexpr int kShift = 4;  // OpenCV draws in sixteenths of a pixel
 // Beyond it a coordinate is cut off: it would not fit OpenCV's fixed-point numbers.
 constexpr double kFarthest = 1e5;
-constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 
 cv::Mat Canvas(Image& image) {
   if (image.channels != 3 || image.empty()) {
@@ -48,19 +47,6 @@ std::vector<cv::Point> ToFixed(std::span<const Vec2> points) {
   fixed.reserve(points.size());
   for (const Vec2 p : points) fixed.push_back(ToFixed(p));
   return fixed;
-}
-
-double FontScale(int height_px) { return cv::getFontScaleFromHeight(kFont, height_px); }
-
-int Stroke(int height_px) { return std::max(1, height_px / 10); }
-
-// What OpenCV's own letters can show.
-std::string ToAscii(const std::string& text) {
-  std::string ascii;
-  for (const char32_t point : DecodeUtf8(text)) {
-    ascii += point >= 0x20 && point < 0x7F ? static_cast<char>(point) : '?';
-  }
-  return ascii;
 }
 
 // One line of text, drawn: how much of each pixel is ink.
@@ -223,20 +209,12 @@ void FillBox(Image& on, int x, int y, int width, int height, Colour colour) {
 
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px) {
-  cv::Mat canvas = Canvas(on);
-  if (HasFonts()) {
-    Blend(on, DrawLetters(text, height_px), left, baseline, colour);
-    return;
-  }
-  cv::putText(canvas, ToAscii(text), {left, baseline}, kFont, FontScale(height_px),
-              ToScalar(colour), Stroke(height_px), cv::LINE_AA);
+  Canvas(on);  // checks it
+  if (HasFonts()) Blend(on, DrawLetters(text, height_px), left, baseline, colour);
 }
 
 int TextWidth(const std::string& text, int height_px) {
-  if (HasFonts()) return DrawLetters(text, height_px).advance;
-  int below = 0;
-  return cv::getTextSize(ToAscii(text), kFont, FontScale(height_px), Stroke(height_px), &below)
-      .width;
+  return HasFonts() ? DrawLetters(text, height_px).advance : 0;
 }
 
 void PasteImage(Image& onto, const Image& what, int x, int y) {

@@ -49,11 +49,10 @@ bool HasFonts();
 
 // One line of UTF-8 that starts at (`left`, `baseline`), in the system's fonts: any script that has
 // a font. `height_px`: of a capital letter, 1 or more. Control characters and invalid bytes are
-// replaced by U+FFFD. Without fonts the letters are OpenCV's: '?' for each character that is not
-// ASCII.
+// replaced by U+FFFD. Without fonts, which Debian's Pango depends on, nothing is written.
 void DrawText(Image& on, int left, int baseline, const std::string& text, Colour colour,
               int height_px = 12);
-// Width of one line in pixels.
+// Width of one line in pixels; 0 without fonts.
 int TextWidth(const std::string& text, int height_px = 12);
 
 // Copies `what` (grey or colour) so that its top left pixel is (x, y) of `onto`.

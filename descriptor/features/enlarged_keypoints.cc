@@ -68,28 +68,16 @@ std::vector<Strip> StripsOf(const Image& image) {
   return strips;
 }
 
-Image RowsOf(const Image& image, const Strip& strip) {
-  return CutOut(image, {0, strip.first, image.width, strip.height});
-}
-
-}  // namespace
-
-void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
-  if (scale == 1.0) return;
-  const auto inverse = static_cast<float>(1.0 / scale);
-  for (Keypoint& k : keypoints) {
-    k.x = (k.x + 0.5F) * inverse - 0.5F;
-    k.y = (k.y + 0.5F) * inverse - 0.5F;
-    k.size *= inverse;
-  }
-}
-
+// How much larger DetectEnlarged makes an image with this longer side; 1 = not at all.
 double EnlargementOf(double longer_side_px, int max_side_px) {
   const int side = max_side_px > 0 ? std::min(max_side_px, kEnlargedSide) : kEnlargedSide;
   const double factor = std::min(kEnlargement, side / longer_side_px);
   return factor < kLeastEnlargement ? 1 : factor;
 }
 
+// The keypoints of `found` in `image` that `known` does not have. `known` and `placed` are in
+// pixels of another image, which `image` shows scaled by `scale`, from row `top` (in its own
+// pixels) on.
 EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<const Keypoint> found,
                                std::span<const Keypoint> known) {
   EnlargedKeypoints result;
@@ -112,15 +100,33 @@ EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<con
   return result;
 }
 
+// The image `factor` times as large, and its keypoints; options.inside is in pixels of `grey`.
+std::pair<Image, std::vector<Keypoint>> DetectScaled(const Image& grey, double factor,
+                                                     KeypointOptions options, int threads) {
+  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
+  Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
+  if (options.inside) options.inside = Scaled(*options.inside, factor);
+  auto found = DetectLowContrastKeypoints(image, options, threads);
+  return {std::move(image), std::move(found)};
+}
+
+}  // namespace
+
+void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale) {
+  if (scale == 1.0) return;
+  const auto inverse = static_cast<float>(1.0 / scale);
+  for (Keypoint& k : keypoints) {
+    k.x = (k.x + 0.5F) * inverse - 0.5F;
+    k.y = (k.y + 0.5F) * inverse - 0.5F;
+    k.size *= inverse;
+  }
+}
+
 EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
                                  int max_side_px, const KeypointOptions& options, int threads) {
   const double factor = EnlargementOf(std::max(grey.width, grey.height), max_side_px);
   if (factor == 1) return {};
-  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
-  Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  KeypointOptions enlarged = options;
-  if (options.inside) enlarged.inside = Scaled(*options.inside, factor);
-  const auto found = DetectLowContrastKeypoints(image, enlarged, threads);
+  auto [image, found] = DetectScaled(grey, factor, options, threads);
   return WithoutKnown(std::move(image), factor, /*top=*/0, found, known);
 }
 
@@ -176,11 +182,7 @@ std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey,
                                                       std::span<const Keypoint> known,
                                                       double factor, const KeypointOptions& options,
                                                       int threads) {
-  const auto scaled = [&](int side) { return static_cast<int>(std::lround(side * factor)); };
-  const Image image = ResizeImage(grey, scaled(grey.width), scaled(grey.height));
-  KeypointOptions finer = options;
-  if (options.inside) finer.inside = Scaled(*options.inside, factor);
-  const auto all = DetectLowContrastKeypoints(image, finer, threads);
+  const auto [image, all] = DetectScaled(grey, factor, options, threads);
   std::vector<EnlargedKeypoints> result;
   for (const Strip& strip : StripsOf(image)) {
     std::vector<Keypoint> found;
@@ -190,7 +192,8 @@ std::vector<EnlargedKeypoints> DetectAtHighResolution(const Image& grey,
       k.y -= static_cast<float>(strip.first);
       found.push_back(k);
     }
-    result.push_back(WithoutKnown(RowsOf(image, strip), factor, strip.first, found, known));
+    result.push_back(WithoutKnown(CutOut(image, {0, strip.first, image.width, strip.height}),
+                                  factor, strip.first, found, known));
   }
   return result;
 }

@@ -28,15 +28,6 @@ struct EnlargedKeypoints {
 EnlargedKeypoints DetectEnlarged(const Image& grey, std::span<const Keypoint> known,
                                  int max_side_px, const KeypointOptions& options, int threads = 1);
 
-// How much larger DetectEnlarged makes an image with this longer side; 1 = not at all.
-double EnlargementOf(double longer_side_px, int max_side_px);
-
-// The keypoints of `found` in `image` that `known` does not have. `known` and `placed` are in
-// pixels of another image, which `image` shows scaled by `scale`, from row `top` (in its own
-// pixels) on.
-EnlargedKeypoints WithoutKnown(Image image, double scale, int top, std::span<const Keypoint> found,
-                               std::span<const Keypoint> known);
-
 // From pixels of an image scaled by `scale` to pixels of the original: centres are at integers.
 void ScaleToOriginal(std::vector<Keypoint>& keypoints, double scale);
 

@@ -5,22 +5,13 @@
 namespace pliant::sift::PLIANT_KERNELS {
 namespace {
 
-constexpr int kWidth = PLIANT_LANES;
-constexpr int kDifferences = kLevels - 1;
+#include "descriptor/base/kernel_vectors.inl"
 
-using Vec = float __attribute__((vector_size(kWidth * sizeof(float))));
+constexpr int kDifferences = kLevels - 1;
 using Bits = std::int32_t __attribute__((vector_size(kWidth * sizeof(std::int32_t))));
-using UnalignedVec =
-    float __attribute__((vector_size(kWidth * sizeof(float)), aligned(4), may_alias));
 using UnalignedBits =
     std::int32_t __attribute__((vector_size(kWidth * sizeof(std::int32_t)), aligned(4), may_alias));
 
-#define PLIANT_INLINE inline __attribute__((always_inline))
-
-PLIANT_INLINE Vec Load(const float* from) { return *reinterpret_cast<const UnalignedVec*>(from); }
-PLIANT_INLINE void Store(const Vec& from, float* to) {
-  *reinterpret_cast<UnalignedVec*>(to) = from;
-}
 PLIANT_INLINE Vec Larger(const Vec& a, const Vec& b) { return a > b ? a : b; }
 PLIANT_INLINE Vec Smaller(const Vec& a, const Vec& b) { return a < b ? a : b; }
 
@@ -142,16 +133,9 @@ void FindExtrema(const LevelRows& rows, float threshold, int width, int stride, 
   }
 }
 
-#define PLIANT_TEXT_OF(name) #name
-#define PLIANT_TEXT(name) PLIANT_TEXT_OF(name)
-
 }  // namespace
 
 extern const Kernels kTable;
 const Kernels kTable = {PLIANT_TEXT(PLIANT_KERNELS), BlurColumns, BlurRow, FindExtrema};
-
-#undef PLIANT_TEXT
-#undef PLIANT_TEXT_OF
-#undef PLIANT_INLINE
 
 }  // namespace pliant::sift::PLIANT_KERNELS

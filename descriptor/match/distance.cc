@@ -16,7 +16,7 @@
 namespace pliant {
 namespace {
 
-using kernels::Kernels;
+using kernels::BestKernels;
 using kernels::kScanRows;
 
 constexpr std::size_t kPanel = PackedDescriptors::kPanel;
@@ -91,14 +91,14 @@ PackedDescriptors::PackedDescriptors(const Descriptors& d)
     for (int p = 0; p < dim_; ++p) panel[p * kPanel] = row[p];
   }
   squared_norms_.assign(panels * kPanel, kInfinity);  // padding is never near anything
-  Kernels().squared_norms(d.floats.data(), rows_, dim_, squared_norms_.data());
+  BestKernels().squared_norms(d.floats.data(), rows_, dim_, squared_norms_.data());
 }
 
 std::function<void(std::size_t, std::size_t, std::size_t, float*)> PackedDescriptors::TilesOf(
     const Descriptors& queries, std::size_t first, std::size_t count, bool by_product) const {
   kernels::CheckQueries(queries.kind == kind_ && queries.dim == dim_, queries.dim, dim_, first,
                         count, queries.rows);
-  const auto& kernel = Kernels();
+  const kernels::Kernels& kernel = BestKernels();
   if (kind_ == DescriptorKind::kBinary) {
     return [=, this, bits = PackBits(queries, first, count)](std::size_t r0, std::size_t block,
                                                              std::size_t j0, float* tile) {

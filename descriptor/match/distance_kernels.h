@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "descriptor/match/distance.h"
 
@@ -20,8 +21,8 @@ struct alignas(64) RowState {
   std::uint32_t panel[kPanel];  // of best
 };
 
-struct KernelSet {
-  const char* name;
+struct Kernels {
+  const char* name;  // "avx512", "avx2", "baseline"
   // out[r * kPanel + j] = a_r . b_j for `rows` contiguous rows of `dim` floats and one panel.
   void (*dot_tile)(const float* a, std::size_t rows, std::size_t dim, const float* panel,
                    float* out);
@@ -43,8 +44,9 @@ struct KernelSet {
                          std::uint32_t* index);
 };
 
-// The best set that this processor runs; chosen once.
-const KernelSet& Kernels();
+// The kernel sets that this processor supports, best first.
+const std::vector<const Kernels*>& UsableKernels();
+inline const Kernels& BestKernels() { return *UsableKernels().front(); }
 
 inline constexpr std::size_t kScanRows = 64;  // query rows a panel is kept in the cache for
 

@@ -52,25 +52,10 @@ struct Options {
   bool json = false;
 };
 
-enum class Access { kRead, kWrite };
-
-// An existing database, as it is, without its descriptor.
-Engine Open(EngineOptions options, Access access, bool with_index = false) {
-  options.descriptor.clear();
-  options.create = false;
-  options.load_descriptor = false;
-  options.load_index = with_index;
-  options.read_only = access == Access::kRead;
-  return Engine(options);
-}
-
 ExitStatus Initialize(Options& options) {
   InitializeDatabase(options.engine.database.string());
-  if (options.json) {
-    PrintJson({{"database", PathText(options.engine.database)}});
-  } else {
-    Print("the database has all tables");
-  }
+  Report(options.json, {{"database", PathText(options.engine.database)}}, "{}",
+         "the database has all tables");
   return ExitStatus::kDone;
 }
 
@@ -120,7 +105,7 @@ void PrintStats(const EngineStats& stats, const std::optional<OriginalsRecord>& 
 }
 
 ExitStatus Stats(Options& options) {
-  Engine engine = Open(options.engine, Access::kRead, true);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/true, /*with_index=*/true);
   const EngineStats stats = engine.Stats();
   const auto originals = engine.DescribeOriginals();
   const auto collections = Collections(engine, options.only_collection);
@@ -168,7 +153,7 @@ ExitStatus Check(Options& options) {
   const std::string database = options.engine.database.string();
   const bool is_file = access(database.c_str(), F_OK) == 0;
   const bool read = is_file && !options.sweep && access(database.c_str(), W_OK) != 0;
-  Engine engine = Open(options.engine, read ? Access::kRead : Access::kWrite);
+  Engine engine = OpenExisting(options.engine, read);
   const std::vector<std::string> problems = engine.Check();
   Json answer{{"ok", problems.empty()}, {"problems", Json::array()}};
   for (const std::string& problem : problems) answer["problems"].push_back(ToDisplayText(problem));
@@ -192,19 +177,17 @@ ExitStatus Check(Options& options) {
 }
 
 ExitStatus Backup(Options& options) {
-  Engine engine = Open(options.engine, Access::kRead);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/true);
   const Interrupt interrupt;
   engine.Backup(options.backup, interrupt.token());
   const auto originals = engine.DescribeOriginals();
   const std::uintmax_t bytes = std::filesystem::file_size(options.backup);
-  if (options.json) {
-    PrintJson({{"file", PathText(options.backup)},
-               {"bytes", bytes},
-               {"originals", OriginalsJson(originals)}});
-    return ExitStatus::kDone;
-  }
-  Print("wrote {}, {}", options.backup.string(), FormatBytes(bytes));
-  if (originals && originals->files > 0) {
+  Report(options.json,
+         {{"file", PathText(options.backup)},
+          {"bytes", bytes},
+          {"originals", OriginalsJson(originals)}},
+         "wrote {}, {}", options.backup.string(), FormatBytes(bytes));
+  if (!options.json && originals && originals->files > 0) {
     Message("the originals of {} images are not in the backup: copy the directory {} now",
             originals->files, originals->directory.string());
   }
@@ -214,13 +197,12 @@ ExitStatus Backup(Options& options) {
 ExitStatus Restore(Options& options) {
   const RestoreResult result =
       RestoreDatabase(options.backup, options.engine.database, options.replace);
-  if (options.json) {
-    PrintJson({{"file", PathText(options.engine.database)},
-               {"images", result.images},
-               {"before", TextOrNull(PathText(result.before))}});
-    return ExitStatus::kDone;
-  }
-  Print("restored {}, {} images", options.engine.database.string(), result.images);
+  Report(options.json,
+         {{"file", PathText(options.engine.database)},
+          {"images", result.images},
+          {"before", TextOrNull(PathText(result.before))}},
+         "restored {}, {} images", options.engine.database.string(), result.images);
+  if (options.json) return ExitStatus::kDone;
   if (!result.before.empty()) Print("the previous database is now {}", result.before.string());
   Message("the API keys are now the keys of the backup: revoke again the keys revoked since");
   return ExitStatus::kDone;
@@ -231,16 +213,13 @@ ExitStatus Copy(Options& options) {
   copy.from = options.engine.database;
   Interrupt interrupt;
   copy.stop = interrupt.token();
-  CopyResult result;
-  {
-    Progress progress("images");
-    copy.progress = [&](std::uint64_t done, std::uint64_t total) { progress.Count(done, total); };
-    result = CopyDatabase(copy);
-  }
+  Progress progress("images");
+  copy.progress = progress.Counter();
+  const CopyResult result = CopyDatabase(copy);
   const auto open = [](const std::filesystem::path& database) {
     EngineOptions engine;
     engine.database = database;
-    return Open(engine, Access::kRead, true);
+    return OpenExisting(engine, /*read_only=*/true, /*with_index=*/true);
   };
   Engine from = open(copy.from);
   Engine to = open(copy.to);
@@ -320,7 +299,7 @@ ExitStatus Export(Options& options) {
             "(records) or .csv (names and labels), or give - for records on standard output");
   }
   CheckWritable(options.out);
-  Engine engine = Open(options.engine, Access::kRead);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/true);
   ImageListing list;
   list.which.collection = options.collection;
   list.which.object = options.object;
@@ -332,27 +311,18 @@ ExitStatus Export(Options& options) {
     return ExitStatus::kDone;
   }
   const std::uintmax_t bytes = std::filesystem::file_size(options.out);
-  if (options.json) {
-    PrintJson({{"file", file}, {"images", images}, {"bytes", bytes}});
-  } else {
-    Print("wrote {}, {} of {} images", file, FormatBytes(bytes), images);
-  }
+  Report(options.json, {{"file", file}, {"images", images}, {"bytes", bytes}},
+         "wrote {}, {} of {} images", file, FormatBytes(bytes), images);
   return ExitStatus::kDone;
 }
 
 ExitStatus MoveOriginals(Options& options) {
-  Engine engine = Open(options.engine, Access::kWrite);
-  MoveOriginalsResult result;
-  {
-    Progress progress("moving originals");
-    result = engine.MoveOriginals(ParseOriginalsDir(options.place).value_or(""),
-                                  [&](double done) { progress.Share(done); });
-  }
-  if (options.json) {
-    PrintJson({{"moved", result.moved}, {"left", result.left}});
-  } else {
-    Print("moved the originals of {} images", result.moved);
-  }
+  Engine engine = OpenExisting(options.engine, /*read_only=*/false);
+  Progress progress("moving originals");
+  const MoveOriginalsResult result = engine.MoveOriginals(
+      ParseOriginalsDir(options.place).value_or(""), [&](double done) { progress.Share(done); });
+  Report(options.json, {{"moved", result.moved}, {"left", result.left}},
+         "moved the originals of {} images", result.moved);
   if (result.left == 0) return ExitStatus::kDone;
   Message("skipped {} images: their files are missing or damaged; `pliant db check` names them",
           result.left);
@@ -364,7 +334,7 @@ ExitStatus Remove(Options& options) {
     throw Error(ErrorCode::kInvalidArgument, "nothing_named",
                 "specify which images to remove: image ids or --object");
   }
-  Engine engine = Open(options.engine, Access::kWrite);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/false);
   std::uint64_t removed = 0;
   std::vector<std::string> missing;
   for (const std::string& id : options.ids) {
@@ -379,12 +349,10 @@ ExitStatus Remove(Options& options) {
     removed += images;
     if (images == 0) missing.push_back(ToDisplayText(object));
   }
-  if (options.json) {
-    PrintJson({{"removed", removed}, {"missing", missing}});
-  } else {
-    for (const std::string& id : missing) Message("skipped {}: no image has this id", id);
-    Print("removed {}", removed);
+  for (const std::string& id : missing) {
+    if (!options.json) Message("skipped {}: no image has this id", id);
   }
+  Report(options.json, {{"removed", removed}, {"missing", missing}}, "removed {}", removed);
   return missing.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
@@ -432,9 +400,6 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
   copy->add_option("TO", options->copy.to, "the other database; run again to resume a stopped copy")
       ->required();
   copy->add_option("--compare", options->compare, "number of rankings to compare afterwards");
-  copy->add_option("--commit-every", options->copy.commit_every,
-                   "images per commit; fewer if they reach 64 MiB")
-      ->check(Between(1, 1000));
   CLI::App* exporting =
       add("export", "Write the features of a collection, or its records, to a file", Export,
           "export features.npz --db my.db");

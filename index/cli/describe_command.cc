@@ -41,10 +41,7 @@ void WriteFolderFeatures(const std::filesystem::path& path,
   };
   if (path == kStandardOutput) {  // which takes no offsets
     std::string whole;
-    write([&whole](std::uint64_t offset, std::string_view bytes) {
-      if (whole.size() < offset + bytes.size()) whole.resize(offset + bytes.size());
-      bytes.copy(whole.data() + offset, bytes.size());
-    });
+    write(NpzArchive::ToMemory(&whole));
     return WriteFile(path, whole);
   }
   NewFile file(path);
@@ -81,19 +78,17 @@ ExitStatus DescribeAll(const Options& options) {
     keypoints += image.features.keypoints.size();
   }
   const Features& first = folder.images.front().features;
-  if (options.json) {
-    PrintJson({{"file", PathText(options.out)},
-               {"folder", root},
-               {"images", images},
-               {"keypoints", keypoints},
-               {"dim", first.descriptors.dim},
-               {"model_id", first.model_id},
-               {"skipped", SkippedJson(folder.skipped)}});
-  } else {
-    ReportSkipped(folder.skipped);
-    Print("wrote {}: {} keypoints of {} {} below {}, {}", PathText(options.out), keypoints, images,
-          images == 1 ? "image" : "images", root, first.model_id);
-  }
+  if (!options.json) ReportSkipped(folder.skipped);
+  Report(options.json,
+         {{"file", PathText(options.out)},
+          {"folder", root},
+          {"images", images},
+          {"keypoints", keypoints},
+          {"dim", first.descriptors.dim},
+          {"model_id", first.model_id},
+          {"skipped", SkippedJson(folder.skipped)}},
+         "wrote {}: {} keypoints of {} {} below {}, {}", PathText(options.out), keypoints, images,
+         images == 1 ? "image" : "images", root, first.model_id);
   return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
@@ -114,22 +109,20 @@ ExitStatus Run(const Options& options) {
   const Features features =
       Naming(image, [&] { return extractor.Extract(image.bytes, options.threads, &timings); });
   WriteFile(options.out, FeaturesNpz(features));
-  if (options.json) {
-    PrintJson({{"file", PathText(options.out)},
-               {"keypoints", features.keypoints.size()},
-               {"descriptor", DescriptorName(options.engine)},
-               {"dim", features.descriptors.dim},
-               {"model_id", features.model_id},
-               {"width", features.width},
-               {"height", features.height},
-               {"timings",
-                {{"decode_ms", timings.decode_ms},
-                 {"detect_ms", timings.detect_ms},
-                 {"describe_ms", timings.describe_ms}}}});
-  } else {
-    Print("wrote {}: {} keypoints, {}, described in {:.0f} ms", PathText(options.out),
-          features.keypoints.size(), features.model_id, timings.describe_ms);
-  }
+  Report(options.json,
+         {{"file", PathText(options.out)},
+          {"keypoints", features.keypoints.size()},
+          {"descriptor", DescriptorName(options.engine)},
+          {"dim", features.descriptors.dim},
+          {"model_id", features.model_id},
+          {"width", features.width},
+          {"height", features.height},
+          {"timings",
+           {{"decode_ms", timings.decode_ms},
+            {"detect_ms", timings.detect_ms},
+            {"describe_ms", timings.describe_ms}}}},
+         "wrote {}: {} keypoints, {}, described in {:.0f} ms", PathText(options.out),
+         features.keypoints.size(), features.model_id, timings.describe_ms);
   return ExitStatus::kDone;
 }
 

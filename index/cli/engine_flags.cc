@@ -16,6 +16,15 @@ void AddDatabaseFlag(CLI::App& app, EngineOptions& engine) {
       ->type_name("FILE");
 }
 
+Engine OpenExisting(EngineOptions options, bool read_only, bool with_index) {
+  options.descriptor.clear();
+  options.create = false;
+  options.load_descriptor = false;
+  options.load_index = with_index;
+  options.read_only = read_only;
+  return Engine(options);
+}
+
 void AddCollectionFlag(CLI::App& app, std::string& collection) {
   app.add_option("--collection", collection, "the collection in the database")
       ->default_val(kDefaultCollection)

@@ -17,6 +17,9 @@ namespace pliant::cli {
 
 // --db FILE, required.
 void AddDatabaseFlag(CLI::App& app, EngineOptions& engine);
+// An existing database, as it is. Its descriptor is made when it is needed, and the index with
+// `with_index` at once.
+Engine OpenExisting(EngineOptions options, bool read_only, bool with_index = false);
 // --collection NAME
 void AddCollectionFlag(CLI::App& app, std::string& collection);
 // --originals-dir

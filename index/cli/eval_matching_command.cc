@@ -167,25 +167,16 @@ ExitStatus Run(Options& options) {
   const evaluation::Dataset dataset =
       evaluation::OpenDataset(options.folder, evaluation::ParseLayout(options.layout));
   const Interrupt interrupt;
-  evaluation::MatchingReport report;
-  {
-    Progress progress("pairs");
-    options.matching.progress = [&](std::uint64_t done, std::uint64_t total) {
-      progress.Count(done, total);
-      return !interrupt.requested();
-    };
-    report = evaluation::RunMatchingBenchmark(dataset, options.matching);
-  }
+  Progress progress("pairs");
+  options.matching.progress = progress.CounterUntil(interrupt);
+  const MatchingReport report = evaluation::RunMatchingBenchmark(dataset, options.matching);
   if (!options.csv.empty()) WriteFile(options.csv, MatchingReportCsv(report));
   if (options.matching.pairs > report.pairs) {
     Message("only {} of {} pairs: the set has no more measurable pairs", report.pairs,
             options.matching.pairs);
   }
-  if (options.json) {
-    PrintJson(MatchingReportJson(report, options.matching));
-  } else {
-    Print(MatchingReportText(report));
-  }
+  Report(options.json, MatchingReportJson(report, options.matching), "{}",
+         MatchingReportText(report));
   return ExitStatus::kDone;
 }
 

@@ -16,6 +16,7 @@
 #include "index/evaluation/retrieval_evaluation.h"
 #include "index/files/image_files.h"
 #include "index/json/json.h"
+#include "index/json/record_csv.h"
 
 namespace pliant::cli {
 namespace {
@@ -60,25 +61,21 @@ Json ResultJson(const RetrievalResult& row) {
            {{"stored", row.stored_bytes_per_image}, {"index", row.index_bytes_per_image}}}};
 }
 
-// The fields of ResultJson that a peer must give, and its optional ones.
-RetrievalResult ReadResult(const Json& json) {
-  RetrievalResult row;
-  row.descriptor = json.at("descriptor").get<std::string>();
-  row.protocol = json.at("protocol").get<std::string>();
-  row.words = json.value("words", std::size_t{0});
-  const auto accuracy = json.at("accuracy_at").get<std::vector<double>>();
+// The row of a peer: the fields that it must give, and its optional ones.
+Json PeerJson(const Json& peer) {
+  Json row = ResultJson({});
+  const auto accuracy = peer.at("accuracy_at").get<std::vector<double>>();
   if (accuracy.size() != kAccuracyRanks) {
     throw Error(ErrorCode::kUnprocessable, "peers_invalid",
                 fmt::format("accuracy_at has {} values, not {}", accuracy.size(), kAccuracyRanks));
   }
-  std::copy(accuracy.begin(), accuracy.end(), row.mean.accuracy_at.begin());
-  row.mean.map = json.at("map").get<double>();
-  row.mean.top1 = json.at("top1").get<double>();
-  row.mean.mrr = json.at("mrr").get<double>();
-  if (json.contains("ns_score") && !json["ns_score"].is_null()) {
-    row.ns_score = json["ns_score"].get<double>();
-  }
-  row.times.rank = 1000 * json.value("seconds_per_query", 0.0);  // not told by stage
+  row["accuracy_at"] = accuracy;
+  for (const char* name : {"descriptor", "protocol"}) row[name] = peer.at(name).get<std::string>();
+  for (const char* name : {"map", "top1", "mrr"}) row[name] = peer.at(name).get<double>();
+  row["words"] = peer.value("words", std::size_t{0});
+  row["ns_score"] = peer.value("ns_score", Json());
+  row["seconds_per_query"] = peer.value("seconds_per_query", 0.0);
+  row["milliseconds"]["rank"] = 1000 * peer.value("seconds_per_query", 0.0);  // not told by stage
   return row;
 }
 
@@ -91,21 +88,21 @@ std::vector<Column> Named(const std::vector<Column>& figures) {
 }
 
 // Accuracy, what is found (probability 0.9 or more), and times: a row per descriptor and protocol.
-std::string RetrievalReportText(const RetrievalReport& report) {
-  Json rows = Json::array();
+std::string RetrievalReportText(const Json& report) {
+  Json rows = report["results"];
   Json finders = Json::array();
-  for (const RetrievalResult& row : report.results) {
-    rows.push_back(ResultJson(row));
-    rows.back()["ms"] = row.times.total();
-    if (row.words == 0) rows.back()["words"] = nullptr;  // unknown
-    if (row.mean.found_right + row.mean.found_wrong == 0 && row.absent.alarms == 0) continue;
-    finders.push_back(rows.back());
+  for (Json& row : rows) {
+    row["ms"] = 1000 * row["seconds_per_query"].get<double>();
+    if (row["words"] == 0) row["words"] = nullptr;  // unknown
+    if (row["found_right"] != 0 || row["found_wrong"] != 0 || row["false_alarms"] != 0) {
+      finders.push_back(row);
+    }
   }
   std::string text = fmt::format(
       "{} queries, {} images of {} objects, {} of them distractors (layout {}), mean of {} "
       "seeds\n\n",
-      report.queries, report.images, report.objects, report.distractors,
-      WordOf(report.layout, kRetrievalLayouts), report.seeds);
+      report["queries"].dump(), report["pictures"].dump(), report["objects"].dump(),
+      report["distractors"].dump(), report["layout"].get<std::string>(), report["seeds"].dump());
   text += TableOf(rows, Named({{"/accuracy_at/0", "@1"},
                                {"/accuracy_at/1", "@2"},
                                {"/accuracy_at/2", "@3"},
@@ -163,9 +160,7 @@ Json RetrievalReportJson(const RetrievalReport& report) {
 }
 
 // A row for each descriptor and protocol: figures, then accuracy_at_1 .. accuracy_at_20.
-std::string RetrievalReportCsv(const RetrievalReport& report) {
-  Json rows = Json::array();
-  for (const RetrievalResult& row : report.results) rows.push_back(ResultJson(row));
+std::string RetrievalReportCsv(const Json& report) {
   std::vector<Column> columns = Named({{"/map", "map", 6},
                                        {"/spread/map", "map_spread", 6},
                                        {"/top1", "top1", 6},
@@ -178,7 +173,7 @@ std::string RetrievalReportCsv(const RetrievalReport& report) {
   for (std::size_t k = 0; k < kAccuracyRanks; ++k) {
     columns.push_back({fmt::format("/accuracy_at/{}", k), fmt::format("accuracy_at_{}", k + 1), 6});
   }
-  return CsvOf(rows, columns);
+  return CsvOf(report["results"], columns);
 }
 
 // A row for each query and hit (ten at most; a query without hits has one row with empty fields):
@@ -224,18 +219,18 @@ Json RetrievalSetJson(const RetrievalSet& set) {
 // Adds the results in a file of the form above (written by the scripts of tests/accuracy for other
 // programs). Throws kNotFound, kUnprocessable "peers_invalid" for a file that is not of that form,
 // and kConflict "peers_differ" when they were measured with other numbers of images or queries.
-void AddPeers(const std::filesystem::path& file, RetrievalReport* report) {
+void AddPeers(const std::filesystem::path& file, Json* report) {
   const std::vector<std::uint8_t> bytes = ReadFile(file, kMaxPeersBytes);
   const std::string name = PathText(file);
   try {
-    const Json json = Json::parse(bytes);
-    if (json.at("pictures") != report->images || json.at("queries") != report->queries) {
+    const Json peers = Json::parse(bytes);
+    for (const char* number : {"pictures", "queries"}) {
+      if (peers.at(number) == report->at(number)) continue;
       throw Error(ErrorCode::kConflict, "peers_differ",
-                  fmt::format("{} was measured with {} queries and {} images, not {} and {}", name,
-                              json.at("queries").dump(), json.at("pictures").dump(),
-                              report->queries, report->images));
+                  fmt::format("{} was measured with {} {}, not {}", name, peers.at(number).dump(),
+                              number, report->at(number).dump()));
     }
-    for (const Json& row : json.at("results")) report->results.push_back(ReadResult(row));
+    for (const Json& row : peers.at("results")) report->at("results").push_back(PeerJson(row));
   } catch (const Json::exception& error) {
     throw Error(ErrorCode::kUnprocessable, "peers_invalid",
                 name + " is not a report of `pliant eval retrieval --json`: " + error.what());
@@ -255,25 +250,6 @@ struct Options {
   bool list = false;
 };
 
-// Images are counted; the steps after them, each short, are named by the line's unit.
-class Steps {
- public:
-  void Tell(const std::string& what, std::size_t done, std::size_t total) {
-    const std::lock_guard lock(mutex_);
-    if (what != what_) {
-      line_.reset();  // two at once would overwrite each other
-      line_ = std::make_unique<Progress>(what);
-      what_ = what;
-    }
-    line_->Count(done, total);
-  }
-
- private:
-  std::mutex mutex_;  // guards the rest
-  std::string what_;
-  std::unique_ptr<Progress> line_;
-};
-
 ExitStatus Run(Options& options) {
   CheckOutput(options.csv, "--csv", options.json);
   CheckOutput(options.answers, "--answers", options.json);
@@ -287,23 +263,18 @@ ExitStatus Run(Options& options) {
   }
   const Interrupt interrupt;
   options.retrieval.stop = interrupt.token();
-  RetrievalReport report;
-  {
-    Steps steps;
-    options.retrieval.progress = [&](const std::string& what, std::size_t done, std::size_t total) {
-      steps.Tell(what, done, total);
-    };
-    report = EvaluateRetrieval(set, options.retrieval);
-  }
-  for (const fs::path& file : options.peers) AddPeers(file, &report);
+  Progress progress("images");
+  options.retrieval.progress = [&](const std::string& what, std::size_t done, std::size_t total) {
+    progress.Step(what);
+    progress.Count(done, total);
+  };
+  const RetrievalReport report = EvaluateRetrieval(set, options.retrieval);
+  Json document = RetrievalReportJson(report);
+  for (const fs::path& file : options.peers) AddPeers(file, &document);
   ReportSkipped(report.skipped);
-  if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(report));
+  if (!options.csv.empty()) WriteFile(options.csv, RetrievalReportCsv(document));
   if (!options.answers.empty()) WriteFile(options.answers, RetrievalAnswersCsv(report));
-  if (options.json) {
-    PrintJson(RetrievalReportJson(report));
-  } else {
-    Print(RetrievalReportText(report));
-  }
+  Report(options.json, document, "{}", RetrievalReportText(document));
   return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 

@@ -113,21 +113,11 @@ ExitStatus Run(Options& options) {
   CheckOutput(options.csv, "--csv", options.json);
   const std::vector<TrackingSequence> sequences = OpenTrackingSequences(options.folder);
   const Interrupt interrupt;
-  TrackingReport report;
-  {
-    Progress progress("frames");
-    options.benchmark.progress = [&](std::uint64_t done, std::uint64_t total) {
-      progress.Count(done, total);
-      return !interrupt.requested();
-    };
-    report = RunTrackingBenchmark(sequences, options.benchmark);
-  }
+  Progress progress("frames");
+  options.benchmark.progress = progress.CounterUntil(interrupt);
+  const TrackingReport report = RunTrackingBenchmark(sequences, options.benchmark);
   if (!options.csv.empty()) WriteFile(options.csv, TrackingReportCsv(report));
-  if (options.json) {
-    PrintJson(TrackingReportJson(report));
-  } else {
-    Print(TrackingReportText(report));
-  }
+  Report(options.json, TrackingReportJson(report), "{}", TrackingReportText(report));
   return ExitStatus::kDone;
 }
 

@@ -114,14 +114,9 @@ ExitStatus Run(Options& options) {
   Outcome outcome;
   options.job.max_bytes = options.engine.extraction.decode.max_bytes;
   options.job.stop = interrupt.token();
-  {
-    Progress progress("images");
-    options.job.progress = [&](std::uint64_t done, std::uint64_t total) {
-      progress.Count(done, total);
-    };
-    outcome.job = ImportImages(engine, files, options.job);
-    options.job.progress = {};
-  }
+  Progress progress("images");
+  options.job.progress = progress.Counter();
+  outcome.job = ImportImages(engine, files, options.job);
   try {
     TrainIfDue(engine, options, interrupt, outcome);
   } catch (const Error& error) {

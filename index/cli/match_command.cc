@@ -210,28 +210,13 @@ void Draw(const Options& options, const Images& images, const Result& result) {
 using Pair = std::pair<std::size_t, std::size_t>;
 
 // A point of the upright image in the pixels as they are stored (EXIF 2.3, tag 0x0112), which is
-// what COLMAP reads. `width`, `height`: of the upright image.
+// what COLMAP reads: 5 to 8 are 1 to 4 after a transposition. `width`, `height`: of the upright
+// image.
 Vec2 AsStored(Vec2 p, int orientation, int width, int height) {
-  const double right = width - 1.0 - p.x;
-  const double below = height - 1.0 - p.y;
-  switch (orientation) {
-    case 2:
-      return {right, p.y};
-    case 3:
-      return {right, below};
-    case 4:
-      return {p.x, below};
-    case 5:
-      return {p.y, p.x};
-    case 6:
-      return {p.y, right};
-    case 7:
-      return {below, right};
-    case 8:
-      return {below, p.x};
-    default:
-      return p;
-  }
+  const int flip = (orientation - 1) % 4;
+  if (flip == 1 || flip == 2) p.x = width - 1.0 - p.x;  // left to right
+  if (flip == 2 || flip == 3) p.y = height - 1.0 - p.y;
+  return orientation >= 5 ? Vec2{p.y, p.x} : p;
 }
 
 // `pliant match --colmap`: all images of a folder matched with each other. Images that cannot be
@@ -371,19 +356,17 @@ class ColmapExport {
   void Report() const {
     const std::string root = PathText(folder_.root);
     const std::string file = PathText(options_.colmap);
-    if (options_.json) {
-      PrintJson({{"file", file},
+    if (!options_.json) ReportSkipped(folder_.skipped);
+    cli::Report(options_.json,
+                {{"file", file},
                  {"image_path", root},
                  {"images", folder_.images.size()},
                  {"pairs", pairs_},
                  {"matches", matches_},
                  {"model_id", folder_.images[0].features.model_id},
-                 {"skipped", SkippedJson(folder_.skipped)}});
-      return;
-    }
-    ReportSkipped(folder_.skipped);
-    Print("wrote {}: {} images below {}, {} matches of {} pairs", file, folder_.images.size(), root,
-          matches_, pairs_);
+                 {"skipped", SkippedJson(folder_.skipped)}},
+                "wrote {}: {} images below {}, {} matches of {} pairs", file, folder_.images.size(),
+                root, matches_, pairs_);
   }
 
   const Options& options_;
@@ -405,11 +388,7 @@ ExitStatus Run(Options& options) {
   const Images images = ReadImages(options);
   const Result result = MatchImages(options, images);
   if (!options.draw.empty()) Draw(options, images, result);
-  if (options.json) {
-    PrintJson(ToJson(result));
-  } else {
-    Print(Summary(result));
-  }
+  Report(options.json, ToJson(result), "{}", Summary(result));
   return ExitStatus::kDone;
 }
 

@@ -8,8 +8,9 @@
 #include <unistd.h>
 
 #include "descriptor/base/strings.h"
-#include "descriptor/base/unix_time.h"
+#include "index/cli/progress.h"
 #include "index/files/text.h"
+#include "index/json/record_csv.h"
 #include "index/json/record_json.h"
 #include "index/usage/usage.h"
 
@@ -38,6 +39,7 @@ bool standard_output_is_file = false;  // set once, before any output
 }  // namespace
 
 void Print(std::string_view text) {
+  ClearProgress();
   (standard_output_is_file ? std::cerr : std::cout) << text << '\n';
 }
 
@@ -55,7 +57,10 @@ void ClaimStandardOutput(std::string_view flag, bool json) {
 
 void PrintJson(const Json& document) { Print(ToText(document)); }
 
-void Message(std::string_view text) { std::cerr << text << std::endl; }
+void Message(std::string_view text) {
+  ClearProgress();
+  std::cerr << text << std::endl;
+}
 
 void FlushOutput() {
   std::cout.flush();
@@ -103,16 +108,6 @@ std::string FormatTable(const std::vector<std::string>& header,
   return out;
 }
 
-std::string CsvField(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string field = "\"";
-  for (const char c : text) {
-    if (c == '"') field += '"';
-    field += c;
-  }
-  return field + '"';
-}
-
 std::string FormatFixed(double value, int decimals) {
   return fmt::format("{:.{}f}", value, decimals);
 }
@@ -152,8 +147,6 @@ Json SkippedJson(const std::vector<SkippedFile>& skipped) {
   }
   return list;
 }
-
-std::string FormatTime(std::int64_t unix_ms) { return FormatUtc(unix_ms, "%Y-%m-%d %H:%M:%S"); }
 
 Json VocabularyDocument(const VocabularyRecord& record) {
   Json json = VocabularyJson(record);

@@ -46,6 +46,14 @@ void Message(fmt::format_string<First, Rest...> text, First&& first, Rest&&... r
   Message(fmt::format(text, std::forward<First>(first), std::forward<Rest>(rest)...));
 }
 
+// The result of a command: `document` with --json, otherwise a line.
+template <typename First, typename... Rest>
+void Report(bool json, const Json& document, fmt::format_string<First, Rest...> text, First&& first,
+            Rest&&... rest) {
+  Print(json ? ToText(document)
+             : fmt::format(text, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+
 // Reserves standard output for a file that is called "-". Call it before the work whose result is
 // written: from then on Print writes to standard error. `flag` is for the message. Throws
 // kInvalidArgument "output_taken" if another file or a JSON document (`json`) goes there too, or if
@@ -61,10 +69,7 @@ void ReportSkipped(const std::vector<SkippedFile>& skipped);
 Json SkippedJson(const std::vector<SkippedFile>& skipped);  // [{"file", "code", "reason"}]
 
 std::string PathText(const std::filesystem::path& path);  // for messages and JSON
-std::string FormatTime(std::int64_t unix_ms);             // "2025-01-31 13:45:10" UTC
 std::string FormatFixed(double value, int decimals);
-// A field of a CSV file (RFC 4180): in quotes if it has a comma, a quote or a line break.
-std::string CsvField(const std::string& text);
 
 // Columns as wide as their widest cell (in code points); numeric columns are right-aligned.
 std::string FormatTable(const std::vector<std::string>& header,
@@ -82,11 +87,6 @@ struct Column {
 std::string TableOf(const Json& rows, const std::vector<Column>& columns);
 // A line of titles, then one line per row. A null is empty.
 std::string CsvOf(const Json& rows, const std::vector<Column>& columns);
-
-template <typename Value>
-Json OrNull(const std::optional<Value>& value) {
-  return value ? Json(*value) : Json(nullptr);
-}
 
 // VocabularyJson, and with the names that the command line gave first: "created_ms" and
 // "origin": {"method", "seed", "sampled", "available", "loss"}.

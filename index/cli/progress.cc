@@ -38,24 +38,33 @@ std::string ShareLine(const std::string& what, double share, double seconds) {
   return share <= 0.02 ? line : line + "  " + TimeLeft(seconds * (1 - share) / share);
 }
 
+std::mutex terminal;    // guards `width`
+std::size_t width = 0;  // of the line on the terminal
+
+void Show(const std::string& line) {
+  const std::lock_guard lock(terminal);
+  const std::size_t rest = width > line.size() ? width - line.size() : 0;
+  std::cerr << '\r' << line << std::string(rest, ' ') << std::flush;
+  width = line.size();
+}
+
 }  // namespace
 
-Progress::Progress(std::string unit)
-    : unit_(std::move(unit)), enabled_(::isatty(STDERR_FILENO) == 1) {}
+void ClearProgress() {
+  const std::lock_guard lock(terminal);
+  if (width == 0) return;
+  std::cerr << '\r' << std::string(width, ' ') << '\r' << std::flush;
+  width = 0;
+}
 
-Progress::~Progress() { Clear(); }
+Progress::Progress(std::string unit)
+    : enabled_(::isatty(STDERR_FILENO) == 1), unit_(std::move(unit)) {}
 
 bool Progress::IsDue() {
   const double now = watch_.ms();
   if (!enabled_ || now - shown_ms_ < kIntervalMs) return false;
   shown_ms_ = now;
   return true;
-}
-
-void Progress::Show(const std::string& line) {
-  const std::size_t rest = width_ > line.size() ? width_ - line.size() : 0;
-  std::cerr << '\r' << line << std::string(rest, ' ') << std::flush;
-  width_ = line.size();
 }
 
 void Progress::Count(std::uint64_t done, std::uint64_t total) {
@@ -68,12 +77,12 @@ void Progress::Share(double share) {
   if (IsDue()) Show(ShareLine(unit_, share, watch_.seconds()));
 }
 
-void Progress::Clear() {
+void Progress::Step(const std::string& unit) {
   const std::lock_guard lock(mutex_);
-  if (width_ == 0) return;
-  Show("");
-  std::cerr << '\r' << std::flush;
-  width_ = 0;
+  if (unit == unit_) return;
+  unit_ = unit;
+  watch_ = {};
+  shown_ms_ = -1e9;
 }
 
 }  // namespace pliant::cli

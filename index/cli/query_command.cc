@@ -210,14 +210,10 @@ Image DrawHits(const DecodedImage& query, const std::vector<ShownHit>& hits) {
 
 // The object as the query shows it, flattened through the warp to the shape of the hit's image,
 // beside that image. A check pattern fills the parts where the warp is not trusted or leaves the
-// query. Throws kInvalidArgument for a hit that was not verified.
+// query. The hit must be verified.
 Image DrawUnwarped(const DecodedImage& query, const ShownHit& shown) {
   const Hit& hit = shown.hit;
-  if (!hit.explanation || !hit.explanation->mesh) {
-    throw Error(ErrorCode::kInvalidArgument, "not_verified",
-                fmt::format("hit {} was not verified, so it has no warp", hit.rank));
-  }
-  const Mesh& mesh = *hit.explanation->mesh;
+  const Mesh& mesh = hit.explanation->mesh.value();
   const double factor =
       static_cast<double>(kUnwarpedSide) / std::max(mesh.reference_width, mesh.reference_height);
   const int width = std::max(1, static_cast<int>(std::lround(mesh.reference_width * factor)));

@@ -93,14 +93,9 @@ ExitStatus Run(Options& options) {
   options.engine.read_only = !options.calibrate;
   options.test.stop = interrupt.token();
   Engine engine(options.engine);
-  SelfTestReport report;
-  {
-    Progress progress("photos");
-    options.test.progress = [&](std::uint64_t done, std::uint64_t total) {
-      progress.Count(done, total);
-    };
-    report = RunSelfTest(engine, options.test);
-  }
+  Progress progress("photos");
+  options.test.progress = progress.Counter();
+  const SelfTestReport report = RunSelfTest(engine, options.test);
   const std::string& collection = options.test.collection;
   if (options.calibrate && report.reaches_rate) {
     engine.ChangeCollection(collection, {.found_from = report.found_from});

@@ -26,23 +26,20 @@ void PrintReport(const Options& options, const SimulateReport& report) {
     Message("skipped {}: {}", file, reason);
     skipped.push_back({{"file", file}, {"reason", reason}});
   }
-  if (options.json) {
-    PrintJson({{"scenes", report.scenes},
-               {"unchanged", report.unchanged},
-               {"images", report.images},
-               {"textures", report.textures},
-               {"skipped", std::move(skipped)},
-               {"mean_stretch_p95", report.mean_stretch},
-               {"worst_stretch_p95", report.worst_stretch},
-               {"images_per_second", rate},
-               {"seconds", report.seconds}});
-    return;
-  }
-  Print(
-      "made {} scenes ({} images) from {} textures in {:.1f} s, {:.1f} images/s; {} scenes existed "
-      "already",
-      report.scenes, report.images, report.textures, report.seconds, rate, report.unchanged);
-  if (report.images > 0) {
+  Report(options.json,
+         {{"scenes", report.scenes},
+          {"unchanged", report.unchanged},
+          {"images", report.images},
+          {"textures", report.textures},
+          {"skipped", std::move(skipped)},
+          {"mean_stretch_p95", report.mean_stretch},
+          {"worst_stretch_p95", report.worst_stretch},
+          {"images_per_second", rate},
+          {"seconds", report.seconds}},
+         "made {} scenes ({} images) from {} textures in {:.1f} s, {:.1f} images/s; {} scenes "
+         "existed already",
+         report.scenes, report.images, report.textures, report.seconds, rate, report.unchanged);
+  if (!options.json && report.images > 0) {
     Print("residual stretch of the cloth (95th percentile): {:.2f} % on average, {:.2f} % at worst",
           100.0 * report.mean_stretch, 100.0 * report.worst_stretch);
   }
@@ -50,15 +47,9 @@ void PrintReport(const Options& options, const SimulateReport& report) {
 
 ExitStatus Run(Options& options) {
   const Interrupt interrupt;
-  SimulateReport report;
-  {
-    Progress progress("scenes");
-    options.simulate.progress = [&](std::int64_t done, std::int64_t total) {
-      progress.Count(static_cast<std::uint64_t>(done), static_cast<std::uint64_t>(total));
-      return !interrupt.requested();
-    };
-    report = Simulate(options.simulate);
-  }
+  Progress progress("scenes");
+  options.simulate.progress = progress.CounterUntil(interrupt);
+  const SimulateReport report = Simulate(options.simulate);
   PrintReport(options, report);
   return report.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }

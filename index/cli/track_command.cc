@@ -144,25 +144,23 @@ void PrintFrame(const TrackedFrame& tracked, bool as_json) {
 void PrintSummary(const Options& options, const Tracker& tracker, const TrackSummary& summary,
                   const FrameSource& source, bool interrupted) {
   ReportSkipped(source.skipped());
-  if (options.json) {
-    const PixelBox& box = tracker.box();
-    PrintJson({{"summary",
-                {{"frames", summary.frames},
-                 {"found", summary.found},
-                 {"inlier_rate", summary.inlier_rate},
-                 {"frames_per_second", summary.frames_per_second},
-                 {"seconds", summary.seconds},
-                 {"model_id", tracker.features().model_id},
-                 {"template",
-                  {{"region", {box.x, box.y, box.width, box.height}},
-                   {"keypoints", tracker.features().keypoints.size()}}},
-                 {"interrupted", interrupted},
-                 {"skipped", SkippedJson(source.skipped())}}}});
-    return;
-  }
-  Print("found in {} of {} frames; inlier rate {:.1f} %; {:.2f} frames/s{}", summary.found,
-        summary.frames, 100 * summary.inlier_rate, summary.frames_per_second,
-        interrupted ? "; interrupted" : "");
+  const PixelBox& box = tracker.box();
+  Report(options.json,
+         {{"summary",
+           {{"frames", summary.frames},
+            {"found", summary.found},
+            {"inlier_rate", summary.inlier_rate},
+            {"frames_per_second", summary.frames_per_second},
+            {"seconds", summary.seconds},
+            {"model_id", tracker.features().model_id},
+            {"template",
+             {{"region", {box.x, box.y, box.width, box.height}},
+              {"keypoints", tracker.features().keypoints.size()}}},
+            {"interrupted", interrupted},
+            {"skipped", SkippedJson(source.skipped())}}}},
+         "found in {} of {} frames; inlier rate {:.1f} %; {:.2f} frames/s{}", summary.found,
+         summary.frames, 100 * summary.inlier_rate, summary.frames_per_second,
+         interrupted ? "; interrupted" : "");
 }
 
 ExitStatus Run(Options& options) {
@@ -182,19 +180,15 @@ ExitStatus Run(Options& options) {
   std::optional<ContactSheet> sheet;
   if (!options.sheet.empty()) sheet.emplace(tracker.image());
 
-  TrackSummary summary;
-  {
-    Progress progress("frames");
-    std::uint64_t done = 0;
-    summary = TrackFrames(*source, tracker, [&](const TrackedFrame& tracked) {
-      progress.Clear();
-      PrintFrame(tracked, options.json);
-      if (output) output->Write(tracked, tracker.box());
-      if (sheet) sheet->Add(tracked, tracker.box());
-      progress.Count(++done, static_cast<std::uint64_t>(source->info().frames));
-      return !interrupt.requested();
-    });
-  }
+  Progress progress("frames");
+  std::uint64_t done = 0;
+  const TrackSummary summary = TrackFrames(*source, tracker, [&](const TrackedFrame& tracked) {
+    PrintFrame(tracked, options.json);
+    if (output) output->Write(tracked, tracker.box());
+    if (sheet) sheet->Add(tracked, tracker.box());
+    progress.Count(++done, static_cast<std::uint64_t>(source->info().frames));
+    return !interrupt.requested();
+  });
   if (summary.frames == 0) {
     throw Error(ErrorCode::kUnprocessable, "no_frames",
                 options.input.string() + " contains no readable image");

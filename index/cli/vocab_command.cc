@@ -3,6 +3,7 @@
 // pliant vocab train | list | use
 #include <memory>
 
+#include "descriptor/base/unix_time.h"
 #include "index/cli/command.h"
 #include "index/cli/engine_flags.h"
 #include "index/cli/interrupt.h"
@@ -20,37 +21,21 @@ struct Options {
   bool json = false;
 };
 
-// Vocabularies are made from stored descriptors: no weights are needed.
-Engine OpenEngine(Options& options, bool read_only) {
-  options.engine.descriptor.clear();
-  options.engine.create = false;
-  options.engine.load_descriptor = false;
-  options.engine.load_index = false;
-  options.engine.read_only = read_only;
-  return Engine(options.engine);
-}
-
 ExitStatus Train(Options& options) {
-  Engine engine = OpenEngine(options, false);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/false);
   const Interrupt interrupt;
   options.train.stop = interrupt.token();
-  VocabularyRecord record;
-  {
-    Progress progress("training the vocabulary");
-    options.train.progress = [&](double done, double) { progress.Share(done); };
-    record = engine.TrainVocabulary(options.train);
-  }
+  Progress progress("training the vocabulary");
+  options.train.progress = [&](double done, double) { progress.Share(done); };
+  VocabularyRecord record = engine.TrainVocabulary(options.train);
   if (options.use_at_once && !record.active) {
     engine.UseVocabulary(options.train.collection, record.id);
     record.active = true;
   }
-  if (options.json) {
-    PrintJson(VocabularyDocument(record));
-    return ExitStatus::kDone;
-  }
-  Print("vocabulary {}: {} words from {} of {} descriptors, mean distance {:.4f}", record.id,
-        record.words, record.origin.sampled, record.origin.available, record.origin.loss);
-  if (!record.active) {
+  Report(options.json, VocabularyDocument(record),
+         "vocabulary {}: {} words from {} of {} descriptors, mean distance {:.4f}", record.id,
+         record.words, record.origin.sampled, record.origin.available, record.origin.loss);
+  if (!options.json && !record.active) {
     Print("not in use yet; to use it: pliant vocab use {} --db {}", record.id,
           options.engine.database.string());
   }
@@ -58,13 +43,13 @@ ExitStatus Train(Options& options) {
 }
 
 ExitStatus List(Options& options) {
-  Engine engine = OpenEngine(options, true);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/true);
   Json rows = Json::array();
   for (const VocabularyRecord& record : engine.ListVocabularies(options.train.collection)) {
     rows.push_back(VocabularyDocument(record));
     if (options.json) continue;
     rows.back()["state"] = record.active ? "in use" : "";
-    rows.back()["trained"] = FormatTime(record.created_ms);
+    rows.back()["trained"] = FormatUtc(record.created_ms, "%Y-%m-%d %H:%M:%S");
   }
   if (options.json) {
     PrintJson({{"vocabularies", std::move(rows)}});
@@ -84,13 +69,9 @@ ExitStatus List(Options& options) {
 }
 
 ExitStatus Use(Options& options) {
-  Engine engine = OpenEngine(options, false);
+  Engine engine = OpenExisting(options.engine, /*read_only=*/false);
   engine.UseVocabulary(options.train.collection, options.id);
-  if (options.json) {
-    PrintJson({{"vocabulary", options.id}});
-  } else {
-    Print("vocabulary {} is in use", options.id);
-  }
+  Report(options.json, {{"vocabulary", options.id}}, "vocabulary {} is in use", options.id);
   return ExitStatus::kDone;
 }
 

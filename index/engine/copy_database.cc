@@ -46,10 +46,6 @@ class Copy {
       throw Error(ErrorCode::kInvalidArgument, "same_database",
                   "a database cannot be copied into itself");
     }
-    if (options.commit_every < 1) {
-      throw Error(ErrorCode::kInvalidArgument, "commit_every_invalid",
-                  "a commit has at least one image, not " + std::to_string(options.commit_every));
-    }
     from_ = OpenStore(
         {.database = options.from, .create = false, .read_only = true, .model_of_new = {}});
     from_->OpenOriginals(std::nullopt, false);

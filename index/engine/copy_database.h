@@ -18,7 +18,7 @@ namespace pliant {
 struct CopyOptions {
   std::filesystem::path from;  // files or URLs (database_url.h)
   std::filesystem::path to;    // created if it does not exist
-  int commit_every = 250;      // images per commit, but at most 64 MiB
+  int commit_every = 250;      // images per commit, 1 to 1000, but at most 64 MiB
   std::function<void(std::uint64_t done, std::uint64_t total)> progress;  // images; one at a time
   std::stop_token stop;
 };

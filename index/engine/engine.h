@@ -134,7 +134,6 @@ class EngineImages {
   Features GetFeatures(const std::string& collection, const std::string& id);
   // kNotFound "content_not_kept"; kCorrupt "original_missing", "original_corrupt".
   std::vector<std::uint8_t> GetContent(const std::string& collection, const std::string& id);
-  std::vector<ImageRecord> List(const ListOptions& options);
   // false = it did not exist. Throws what `check` throws.
   bool Remove(const std::string& collection, const std::string& id, const ImageCheck& check = {});
   // A page of the selected images, in any order, with counts (records/listing.h). kInvalidArgument
@@ -157,8 +156,6 @@ class EngineImages {
   ImageRecord Change(const std::string& collection, const std::string& id,
                      const ImageChange& change);
 
-  std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
-                                        int limit);
   std::optional<ObjectRecord> GetObject(const std::string& collection, const std::string& object);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
                              const ObjectCheck& check = {});

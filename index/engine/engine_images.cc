@@ -18,13 +18,6 @@ namespace {
 
 constexpr std::size_t kGeneratedIdDigits = 32;
 
-void CheckPage(int limit) {
-  if (limit < 1 || limit > 1000) {
-    throw Error(ErrorCode::kInvalidArgument, "limit_invalid",
-                "limit must be 1 to 1000, not " + std::to_string(limit) + ".");
-  }
-}
-
 void CheckEnough(std::size_t keypoints) {
   if (keypoints >= kMinKeypoints) return;
   throw Error(ErrorCode::kUnprocessable, "too_few_features",
@@ -190,11 +183,6 @@ std::vector<std::uint8_t> EngineImages::GetContent(const std::string& collection
   return core_.catalogue().ReadContent(collection, id);
 }
 
-std::vector<ImageRecord> EngineImages::List(const ListOptions& options) {
-  CheckPage(options.limit);
-  return core_.catalogue().ListImages(options);
-}
-
 bool EngineImages::Remove(const std::string& collection, const std::string& id,
                           const ImageCheck& check) {
   return core_.writer().Remove(collection, id, check);
@@ -243,12 +231,6 @@ ImageRecord EngineImages::Change(const std::string& collection, const std::strin
   if (change.object) CheckObject(*change.object);
   if (change.source) CheckSource(*change.source);
   return core_.writer().ChangeImage(collection, id, change);
-}
-
-std::vector<ObjectRecord> EngineImages::ListObjects(const std::string& collection,
-                                                    const std::string& after, int limit) {
-  CheckPage(limit);
-  return core_.catalogue().ListObjects(collection, after, limit);
 }
 
 std::optional<ObjectRecord> EngineImages::GetObject(const std::string& collection,

@@ -238,13 +238,13 @@ SearchResult Answer(EngineCore& core, const CollectionView& view, Features featu
 // All of the object's images, or one more than are compared.
 std::vector<ImageRef> ImagesOf(EngineCore& core, const std::string& collection,
                                const std::string& object) {
-  ListOptions list;
-  list.collection = collection;
-  list.object = object;
+  ImageListing list;
+  list.which.collection = collection;
+  list.which.object = object;
   list.limit = kMostCompared + 1;
   const Key key = core.catalogue().RequireCollection(collection).key;
   std::vector<ImageRef> refs;
-  for (const ImageRecord& image : core.catalogue().ListImages(list))
+  for (const ImageRecord& image : core.catalogue().ListImagePage(list).records)
     refs.push_back({key, image.id});
   return refs;
 }

@@ -29,6 +29,15 @@ inline constexpr std::uint64_t kWordGrowth = 2;
 
 // True for a collection with images and no vocabulary, and for one that has outgrown its automatic
 // vocabulary (CollectionRecord::automatic).
-bool AutomaticTrainingIsDue(const CollectionRecord& record);
+inline bool AutomaticTrainingIsDue(const CollectionRecord& record) {
+  if (record.descriptors == 0) return false;
+  if (!record.vocabulary) return true;
+  const VocabularyOrigin& origin = record.vocabulary->origin;
+  const bool outgrown =
+      origin.sampled < kFullSample
+          ? record.descriptors >= kGrowth * origin.available
+          : DefaultVocabularySample(record.descriptors) >= kWordGrowth * origin.sampled;
+  return record.automatic && outgrown;
+}
 
 }  // namespace pliant

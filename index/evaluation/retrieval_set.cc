@@ -152,6 +152,47 @@ class Reader {
   std::vector<fs::path> files_;
 };
 
+// Removes queries that have no correct answer; images that were only queries are listed in
+// `skipped`. Throws when the rest cannot be measured.
+void CheckRetrievalSet(RetrievalSet* set) {
+  const std::vector<std::size_t> right = CountRightAnswers(*set);
+  std::vector<RetrievalImage> kept;
+  std::set<std::string> objects;
+  std::size_t queries = 0;
+  std::size_t searched = 0;
+  bool has_distractors = false;
+  for (std::size_t i = 0; i < set->images.size(); ++i) {
+    RetrievalImage& image = set->images[i];
+    if (image.is_query && right[i] == 0) {
+      image.is_query = false;
+      if (!image.is_searched) {
+        set->skipped.push_back({ToDisplayText(image.path.string()), "no_right_answer",
+                                "no searched image shows the object " + image.object});
+        continue;
+      }
+    }
+    queries += image.is_query ? 1 : 0;
+    searched += image.is_searched ? 1 : 0;
+    if (!image.object.empty()) {
+      objects.insert(image.object);
+    } else if (image.is_searched) {
+      has_distractors = true;
+    }
+    kept.push_back(std::move(image));
+  }
+  set->images = std::move(kept);
+  const std::string layout = " (layout " + WordOf(set->layout, kRetrievalLayouts) + ")";
+  if (searched == 0) ThrowUnprocessable("nothing_to_search", "no image to search" + layout);
+  if (objects.size() == 1 && !has_distractors) {
+    ThrowUnprocessable("one_object", "all images show one object, " + *objects.begin() +
+                                         ", so every answer would be right" + layout);
+  }
+  if (queries == 0) {
+    ThrowUnprocessable("no_queries",
+                       "no query has a correct answer among the searched images" + layout);
+  }
+}
+
 }  // namespace
 
 RetrievalSet ReadRetrievalSet(const fs::path& folder, RetrievalLayout layout,
@@ -206,45 +247,6 @@ std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set) {
     right.push_back(all - (image.is_searched && !set.counts_itself && all > 0 ? 1 : 0));
   }
   return right;
-}
-
-void CheckRetrievalSet(RetrievalSet* set) {
-  const std::vector<std::size_t> right = CountRightAnswers(*set);
-  std::vector<RetrievalImage> kept;
-  std::set<std::string> objects;
-  std::size_t queries = 0;
-  std::size_t searched = 0;
-  bool has_distractors = false;
-  for (std::size_t i = 0; i < set->images.size(); ++i) {
-    RetrievalImage& image = set->images[i];
-    if (image.is_query && right[i] == 0) {
-      image.is_query = false;
-      if (!image.is_searched) {
-        set->skipped.push_back({ToDisplayText(image.path.string()), "no_right_answer",
-                                "no searched image shows the object " + image.object});
-        continue;
-      }
-    }
-    queries += image.is_query ? 1 : 0;
-    searched += image.is_searched ? 1 : 0;
-    if (!image.object.empty()) {
-      objects.insert(image.object);
-    } else if (image.is_searched) {
-      has_distractors = true;
-    }
-    kept.push_back(std::move(image));
-  }
-  set->images = std::move(kept);
-  const std::string layout = " (layout " + WordOf(set->layout, kRetrievalLayouts) + ")";
-  if (searched == 0) ThrowUnprocessable("nothing_to_search", "no image to search" + layout);
-  if (objects.size() == 1 && !has_distractors) {
-    ThrowUnprocessable("one_object", "all images show one object, " + *objects.begin() +
-                                         ", so every answer would be right" + layout);
-  }
-  if (queries == 0) {
-    ThrowUnprocessable("no_queries",
-                       "no query has a correct answer among the searched images" + layout);
-  }
 }
 
 }  // namespace pliant

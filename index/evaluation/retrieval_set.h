@@ -59,7 +59,7 @@ struct RetrievalSet {
 // Reads the names only, not the images. `distractors` and `absent`: folders of images that show
 // none of the objects, to be searched or asked. Throws kNotFound for a missing folder,
 // kUnprocessable "layout_unknown", "no_distractors" or "no_absent" for a folder without images, and
-// what CheckRetrievalSet throws.
+// "nothing_to_search", "one_object" or "no_queries" when the rest cannot be measured.
 RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayout layout,
                               const std::vector<std::filesystem::path>& distractors = {},
                               const std::vector<std::filesystem::path>& absent = {});
@@ -67,10 +67,5 @@ RetrievalSet ReadRetrievalSet(const std::filesystem::path& folder, RetrievalLayo
 // For each image of the set, how many other images (itself too when counts_itself) are right
 // answers to it.
 std::vector<std::size_t> CountRightAnswers(const RetrievalSet& set);
-
-// Removes queries that have no correct answer; images that were only queries are listed in
-// `skipped`. Throws kUnprocessable "nothing_to_search", "one_object" or "no_queries" when the rest
-// cannot be measured.
-void CheckRetrievalSet(RetrievalSet* set);
 
 }  // namespace pliant

@@ -17,17 +17,16 @@ namespace pliant {
 namespace {
 
 constexpr std::uint64_t kMost32 = std::numeric_limits<std::uint32_t>::max();
-constexpr std::size_t kPiece = 256 * 1024;  // of an array, in memory
 constexpr int kDate =
     (0 << 9) | (1 << 5) | 1;  // 1980-01-01, the earliest: files do not depend on the time
-// Sizes of what has no name in it (PKWARE's APPNOTE.TXT, section 4.3).
-constexpr std::uint64_t kHeadBytes = 30;
-constexpr std::uint64_t kEntryBytes = 46;
-constexpr std::uint64_t kEndBytes = 22;
-constexpr std::uint64_t kLargeEndBytes = 56 + 20;  // ZIP64: its end, and where that is
-// ZIP64's extra fields: two sizes, and in the directory the offset as well.
+// Sizes of what has no name in it (PKWARE's APPNOTE.TXT, section 4.3), with ZIP64's extra fields:
+// two sizes, and in the directory the offset as well.
 constexpr std::uint64_t kHeadExtra = 4 + 16;
 constexpr std::uint64_t kEntryExtra = 4 + 24;
+constexpr std::uint64_t kHeadBytes = 30 + kHeadExtra;
+constexpr std::uint64_t kEntryBytes = 46 + kEntryExtra;
+constexpr std::uint64_t kEndBytes = 56 + 20 + 22;  // ZIP64's end, where that is, and the plain end
+constexpr int kVersion = 45;                       // of zip: 4.5 has ZIP64
 
 void Put(std::string& out, std::uint64_t value, int bytes) {
   for (int i = 0; i < bytes; ++i) out += static_cast<char>(value >> (8 * i) & 0xFF);
@@ -59,16 +58,15 @@ std::uint64_t ValueBytes(std::string_view dtype) {
 }
 
 // The part that a file's head and its entry in the directory share.
-void PutDescription(std::string& out, bool large, std::uint32_t crc, std::uint64_t size,
-                    std::uint64_t name, std::uint64_t extra) {
-  Put(out, large ? 45 : 20, 2);  // of zip: 4.5 has ZIP64
-  Put(out, 0, 2);                // flags
-  Put(out, 0, 2);                // method: stored
-  Put(out, 0, 2);                // time
+void PutDescription(std::string& out, std::uint32_t crc, std::uint64_t name, std::uint64_t extra) {
+  Put(out, kVersion, 2);
+  Put(out, 0, 2);  // flags
+  Put(out, 0, 2);  // method: stored
+  Put(out, 0, 2);  // time
   Put(out, kDate, 2);
   Put(out, crc, 4);
-  Put(out, large ? kMost32 : size, 4);
-  Put(out, large ? kMost32 : size, 4);
+  Put(out, kMost32, 4);  // both sizes are in the extra field
+  Put(out, kMost32, 4);
   Put(out, name, 2);
   Put(out, extra, 2);
 }
@@ -83,6 +81,15 @@ void PutExtra(std::string& out, std::uint64_t bytes, std::uint64_t size) {
 template <typename Value>
 std::string_view ViewOf(const std::vector<Value>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value)};
+}
+
+// N x 6, row-major.
+std::vector<float> KeypointRows(const Features& features) {
+  std::vector<float> rows;
+  for (const Keypoint& k : features.keypoints) {
+    rows.insert(rows.end(), {k.x, k.y, k.size, k.angle, k.response, static_cast<float>(k.octave)});
+  }
+  return rows;
 }
 
 std::string_view RowsOf(const Descriptors& d) {
@@ -119,30 +126,19 @@ std::size_t NpzArchive::Declare(std::string_view name, std::string_view dtype,
   return entries_.size() - 1;
 }
 
-// Gives everything its place; returns the size of the file.
-std::uint64_t NpzArchive::Lay(bool large) {
-  std::uint64_t at = 0;
-  std::uint64_t directory = 0;
-  for (Entry& entry : entries_) {
-    entry.offset = at;
-    entry.begin = at + kHeadBytes + entry.name.size() + (large ? kHeadExtra : 0);
-    at = entry.begin + entry.size;
-    directory += kEntryBytes + entry.name.size() + (large ? kEntryExtra : 0);
-  }
-  directory_ = at;
-  return at + directory + kEndBytes + (large ? kLargeEndBytes : 0);
-}
-
+// Gives everything its place.
 void NpzArchive::Place() {
   if (placed_) return;
   placed_ = true;
-  bytes_ = Lay(false);
-  large_ = bytes_ >= kMost32;
-  if (large_) bytes_ = Lay(true);
+  std::uint64_t entries = 0;
   for (Entry& entry : entries_) {
-    entry.waiting = std::move(entry.header);
-    entry.crc = Crc(0, entry.waiting);
+    entry.offset = directory_;
+    entry.begin = entry.offset + kHeadBytes + entry.name.size();
+    directory_ = entry.begin + entry.size;
+    entries += kEntryBytes + entry.name.size();
   }
+  bytes_ = directory_ + entries + kEndBytes;
+  for (std::size_t i = 0; i < entries_.size(); ++i) Append(i, entries_[i].header);
 }
 
 std::uint64_t NpzArchive::bytes() {
@@ -150,22 +146,15 @@ std::uint64_t NpzArchive::bytes() {
   return bytes_;
 }
 
-void NpzArchive::Flush(Entry& entry) {
-  if (entry.waiting.empty()) return;
-  write_(entry.begin + entry.written, entry.waiting);
-  entry.written += entry.waiting.size();
-  entry.waiting.clear();
-}
-
 void NpzArchive::Append(std::size_t array, std::string_view values) {
   Place();
   Entry& entry = entries_[array];
-  if (entry.written + entry.waiting.size() + values.size() > entry.size) {
+  if (entry.written + values.size() > entry.size) {
     throw Error(ErrorCode::kInternal, "archive_incomplete", "more values than were declared");
   }
   entry.crc = Crc(entry.crc, values);
-  entry.waiting.append(values);
-  if (entry.waiting.size() >= kPiece) Flush(entry);
+  write_(entry.begin + entry.written, values);
+  entry.written += values.size();
 }
 
 std::size_t NpzArchive::TextLength(std::string_view text) {
@@ -182,9 +171,9 @@ void NpzArchive::AppendText(std::size_t array, std::string_view text, std::size_
 
 std::string NpzArchive::Head(const Entry& entry) const {
   std::string head = "PK\x03\x04";
-  PutDescription(head, large_, entry.crc, entry.size, entry.name.size(), large_ ? kHeadExtra : 0);
+  PutDescription(head, entry.crc, entry.name.size(), kHeadExtra);
   head += entry.name;
-  if (large_) PutExtra(head, kHeadExtra, entry.size);
+  PutExtra(head, kHeadExtra, entry.size);
   return head;
 }
 
@@ -192,49 +181,44 @@ std::string NpzArchive::Directory() const {
   std::string directory;
   for (const Entry& entry : entries_) {
     directory += "PK\x01\x02";
-    Put(directory, large_ ? 45 : 20, 2);
-    PutDescription(directory, large_, entry.crc, entry.size, entry.name.size(),
-                   large_ ? kEntryExtra : 0);
-    Put(directory, 0, 2);  // comment
-    Put(directory, 0, 2);  // disk
-    Put(directory, 0, 2);  // internal attributes
-    Put(directory, 0, 4);  // external attributes
-    Put(directory, large_ ? kMost32 : entry.offset, 4);
+    Put(directory, kVersion, 2);
+    PutDescription(directory, entry.crc, entry.name.size(), kEntryExtra);
+    Put(directory, 0, 2);        // comment
+    Put(directory, 0, 2);        // disk
+    Put(directory, 0, 2);        // internal attributes
+    Put(directory, 0, 4);        // external attributes
+    Put(directory, kMost32, 4);  // the offset is in the extra field
     directory += entry.name;
-    if (!large_) continue;
     PutExtra(directory, kEntryExtra, entry.size);
     Put(directory, entry.offset, 8);
   }
   const std::uint64_t size = directory.size();
-  if (large_) {
-    directory += "PK\x06\x06";
-    Put(directory, 56 - 12, 8);  // what follows of it
-    Put(directory, 45, 2);
-    Put(directory, 45, 2);
-    Put(directory, 0, 8);  // this disk, and that of the directory
-    Put(directory, entries_.size(), 8);
-    Put(directory, entries_.size(), 8);
-    Put(directory, size, 8);
-    Put(directory, directory_, 8);
-    directory += "PK\x06\x07";
-    Put(directory, 0, 4);  // disk
-    Put(directory, directory_ + size, 8);
-    Put(directory, 1, 4);  // disks
-  }
+  directory += "PK\x06\x06";
+  Put(directory, 56 - 12, 8);  // what follows of it
+  Put(directory, kVersion, 2);
+  Put(directory, kVersion, 2);
+  Put(directory, 0, 8);  // this disk, and that of the directory
+  Put(directory, entries_.size(), 8);
+  Put(directory, entries_.size(), 8);
+  Put(directory, size, 8);
+  Put(directory, directory_, 8);
+  directory += "PK\x06\x07";
+  Put(directory, 0, 4);  // disk
+  Put(directory, directory_ + size, 8);
+  Put(directory, 1, 4);  // disks
   directory += "PK\x05\x06";
   Put(directory, 0, 4);
   Put(directory, entries_.size(), 2);
   Put(directory, entries_.size(), 2);
-  Put(directory, large_ ? kMost32 : size, 4);
-  Put(directory, large_ ? kMost32 : directory_, 4);
+  Put(directory, kMost32, 4);  // the directory's size and place, which ZIP64 has
+  Put(directory, kMost32, 4);
   Put(directory, 0, 2);  // comment
   return directory;
 }
 
 void NpzArchive::Finish() {
   Place();
-  for (Entry& entry : entries_) {
-    Flush(entry);
+  for (const Entry& entry : entries_) {
     if (entry.written != entry.size) {
       throw Error(ErrorCode::kInternal, "archive_incomplete", "fewer values than were declared");
     }
@@ -243,20 +227,16 @@ void NpzArchive::Finish() {
   write_(directory_, Directory());
 }
 
-std::vector<float> KeypointRows(const Features& features) {
-  std::vector<float> rows;
-  for (const Keypoint& k : features.keypoints) {
-    rows.insert(rows.end(), {k.x, k.y, k.size, k.angle, k.response, static_cast<float>(k.octave)});
-  }
-  return rows;
+NpzArchive::Write NpzArchive::ToMemory(std::string* file) {
+  return [file](std::uint64_t offset, std::string_view bytes) {
+    file->resize(std::max(file->size(), static_cast<std::size_t>(offset) + bytes.size()));
+    file->replace(static_cast<std::size_t>(offset), bytes.size(), bytes);
+  };
 }
 
 std::string FeaturesNpz(const Features& features) {
   std::string file;
-  NpzArchive archive([&file](std::uint64_t offset, std::string_view bytes) {
-    file.resize(std::max(file.size(), static_cast<std::size_t>(offset) + bytes.size()));
-    file.replace(static_cast<std::size_t>(offset), bytes.size(), bytes);
-  });
+  NpzArchive archive(NpzArchive::ToMemory(&file));
   const auto [keypoints, descriptors] =
       DeclareRows(archive, static_cast<std::int64_t>(features.keypoints.size()),
                   features.descriptors.kind, features.descriptors.dim);

@@ -17,11 +17,13 @@ namespace pliant {
 
 // NumPy's .npz: a zip archive (stored, not compressed) of .npy files of version 1.0, for
 // numpy.load. Several arrays can be filled in turn, piece by piece. The file is written at any
-// offset, so that no array is in memory. Files above 4 GiB are ZIP64.
+// offset, so that no array is in memory. It is ZIP64, as NumPy's own archives are.
 class NpzArchive {
  public:
   // Writes bytes at an offset of the file. Every byte is written once, in any order.
   using Write = std::function<void(std::uint64_t offset, std::string_view bytes)>;
+  // To a file in memory, which must outlive it.
+  static Write ToMemory(std::string* file);
 
   explicit NpzArchive(Write write) : write_(std::move(write)) {}
 
@@ -52,27 +54,20 @@ class NpzArchive {
     std::uint64_t size = 0;     // with the header
     std::uint64_t offset = 0;   // of its head in the archive
     std::uint64_t begin = 0;    // of its content
-    std::uint64_t written = 0;  // of its content, without buffered bytes
-    std::uint32_t crc = 0;      // of what was appended
-    std::string waiting;
+    std::uint64_t written = 0;  // of its content
+    std::uint32_t crc = 0;      // of what was written
   };
 
   void Place();
-  std::uint64_t Lay(bool large);
-  void Flush(Entry& entry);
   std::string Head(const Entry& entry) const;
   std::string Directory() const;
 
   const Write write_;
   std::vector<Entry> entries_;
   bool placed_ = false;
-  bool large_ = false;           // ZIP64
   std::uint64_t directory_ = 0;  // its offset
   std::uint64_t bytes_ = 0;
 };
-
-// N x 6, row-major.
-std::vector<float> KeypointRows(const Features& features);
 
 // The whole file of one image, with the additional values `width` and `height` (int64), in pixels
 // of the upright image.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -23,5 +24,10 @@ std::string IsoTime(std::int64_t unix_ms);
 
 // null for empty text.
 Json TextOrNull(const std::string& text);
+
+template <typename Value>
+Json OrNull(const std::optional<Value>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
 
 }  // namespace pliant

@@ -5,20 +5,16 @@
 #include <algorithm>
 
 namespace pliant {
-namespace {
-
-std::string Quoted(const std::string& field) {
-  if (field.find_first_of("\",;\t\r\n") == std::string::npos) return field;
-  std::string text = "\"";
-  for (const char c : field) text += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return text + '"';
+std::string CsvField(const std::string& text) {
+  if (text.find_first_of("\",;\t\r\n") == std::string::npos) return text;
+  std::string field = "\"";
+  for (const char c : text) field += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return field + '"';
 }
 
-}  // namespace
-
 std::string CsvRow(const ImageRecord& image) {
-  return Quoted(image.id) + ',' + Quoted(image.object) + ',' + Quoted(image.source) + ',' +
-         (image.metadata == "{}" ? "" : Quoted(image.metadata)) + "\r\n";
+  return CsvField(image.id) + ',' + CsvField(image.object) + ',' + CsvField(image.source) + ',' +
+         (image.metadata == "{}" ? "" : CsvField(image.metadata)) + "\r\n";
 }
 
 std::optional<std::vector<std::string_view>> CsvRows(std::string_view text) {

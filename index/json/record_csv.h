@@ -17,6 +17,8 @@ inline constexpr const char* kCsvType = "text/csv";
 inline constexpr const char* kCsvHeader = "id,object,file,labels\r\n";
 
 std::string CsvRow(const ImageRecord& image);
+// A field of any table: in quotes if it has a separator, a quote or a line break.
+std::string CsvField(const std::string& text);
 
 // The rows as they are in `text`, without empty ones, a byte order mark and line ends. Nothing if a
 // quote is not closed.

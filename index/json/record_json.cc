@@ -25,15 +25,8 @@ Json FilterValueJson(const FilterValue& value) {
 }  // namespace
 
 const char* OutcomeName(AddOutcome outcome) {
-  switch (outcome) {
-    case AddOutcome::kCreated:
-      return "created";
-    case AddOutcome::kReplaced:
-      return "replaced";
-    case AddOutcome::kUnchanged:
-      return "unchanged";
-  }
-  return "unchanged";
+  if (outcome == AddOutcome::kCreated) return "created";
+  return outcome == AddOutcome::kReplaced ? "replaced" : "unchanged";
 }
 
 Json ImageJson(const ImageRecord& image) {

@@ -11,6 +11,11 @@
 namespace pliant {
 namespace {
 
+double Hundredths(double pixels) { return std::round(pixels * 100) / 100; }
+
+// [x, y].
+Json PointJson(Vec2 point) { return Json::array({Hundredths(point.x), Hundredths(point.y)}); }
+
 Json PolygonJson(const std::vector<Point>& polygon) {
   if (polygon.empty()) return nullptr;
   Json points = Json::array();
@@ -20,10 +25,9 @@ Json PolygonJson(const std::vector<Point>& polygon) {
 
 Json AppearanceJson(const std::optional<Appearance>& appearance) {
   if (!appearance) return nullptr;
-  const auto& colours = appearance->colour_difference;
   return {{"seen_again", appearance->seen_again},
           {"agreement", appearance->agreement},
-          {"colour_difference", colours ? Json(*colours) : Json(nullptr)}};
+          {"colour_difference", OrNull(appearance->colour_difference)}};
 }
 
 Json ExplanationJson(const Explanation& e) {
@@ -43,7 +47,7 @@ Json ExplanationJson(const Explanation& e) {
           {"matches", e.matches},
           {"inlier_fraction", e.inlier_fraction},
           {"independent_inliers", e.independent_inliers},
-          {"colour_difference", e.colour_difference ? Json(*e.colour_difference) : Json(nullptr)},
+          {"colour_difference", OrNull(e.colour_difference)},
           {"appearance", AppearanceJson(e.appearance)},
           {"pairs", std::move(pairs)},
           {"reference", std::move(reference)},
@@ -59,18 +63,7 @@ Json InstancesJson(const std::vector<Instance>& instances) {
 }
 
 const char* RankName(RankMethod method) {
-  switch (method) {
-    case RankMethod::kNeighbours:
-      return "neighbours";
-    case RankMethod::kHistogram:
-      return "histogram";
-  }
-  return "unknown";
-}
-
-template <typename Number>
-Json NumberOrNull(const std::optional<Number>& number) {
-  return number ? Json(*number) : Json(nullptr);
+  return method == RankMethod::kNeighbours ? "neighbours" : "histogram";
 }
 
 const char* VerdictText(bool found, bool perhaps) {
@@ -94,7 +87,7 @@ Json HitJson(const Hit& hit, double found_from) {
   Json json = {{"rank", hit.rank},
                {"object", TextOrNull(hit.object)},
                {"score", hit.score},
-               {"probability", NumberOrNull(hit.probability)},
+               {"probability", OrNull(hit.probability)},
                {"verdict", HitVerdict(hit, found_from)},
                {"image_id", hit.image_id},
                {"source", hit.source},
@@ -107,8 +100,6 @@ Json HitJson(const Hit& hit, double found_from) {
   if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);
   return json;
 }
-
-double Hundredths(double pixels) { return std::round(pixels * 100) / 100; }
 
 }  // namespace
 
@@ -133,7 +124,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
                {"verdict", VerdictJson(result)},
-               {"found", NumberOrNull(result.found)},
+               {"found", OrNull(result.found)},
                {"hits", std::move(hits)},
                {"timings",
                 {{"decode_ms", t.extraction.decode_ms},
@@ -171,8 +162,6 @@ Json ComparisonJson(const Comparison& comparison, double took_ms, bool explain) 
   if (explain) json["explain"] = ExplanationJson(e);
   return json;
 }
-
-Json PointJson(Vec2 point) { return Json::array({Hundredths(point.x), Hundredths(point.y)}); }
 
 Json MeshJson(const Mesh& mesh) {
   Json points = Json::array();

@@ -88,32 +88,29 @@ FilterCondition ReadCondition(const std::string& where, const std::string& key, 
   return condition;
 }
 
-Filter ReadFilter(const std::string& where, const Json& json, int depth);
+Filter ReadFilter(const std::string& where, const Json& json);
 
-std::vector<Filter> ReadFilters(const std::string& where, const char* name, const Json& json,
-                                int depth) {
+std::vector<Filter> ReadFilters(const std::string& where, const char* name, const Json& json) {
   if (!json.is_array()) ThrowInvalid(where + "." + name, "must be a list of filters.");
   std::vector<Filter> filters;
   for (std::size_t i = 0; i < json.size(); ++i) {
-    filters.push_back(ReadFilter(At(where, name, i), json[i], depth));
+    filters.push_back(ReadFilter(At(where, name, i), json[i]));
   }
   return filters;
 }
 
-Filter ReadFilter(const std::string& where, const Json& json, int depth) {
-  if (depth > kMaxFilterDepth) {
-    ThrowInvalid(where, "is nested more than " + std::to_string(kMaxFilterDepth) + " levels deep.");
-  }
+// As deep as ParseFilter lets JSON be; Checker counts the levels.
+Filter ReadFilter(const std::string& where, const Json& json) {
   if (!json.is_object()) ThrowInvalid(where, "must be a JSON object.");
   Filter filter;
   for (const auto& [key, value] : json.items()) {
     if (key == "and") {
-      filter.all_of = ReadFilters(where, "and", value, depth + 1);
+      filter.all_of = ReadFilters(where, "and", value);
       if (filter.all_of.empty()) ThrowInvalid(where + ".and", "must have at least one filter.");
     } else if (key == "or") {
-      filter.any_of.push_back(ReadFilters(where, "or", value, depth + 1));
+      filter.any_of.push_back(ReadFilters(where, "or", value));
     } else if (key == "not") {
-      filter.none_of.push_back(ReadFilter(where + ".not", value, depth + 1));
+      filter.none_of.push_back(ReadFilter(where + ".not", value));
     } else {
       filter.conditions.push_back(ReadCondition(At(where, key), key, value));
     }
@@ -221,7 +218,7 @@ Filter ParseFilter(const std::string& text) {
     ThrowInvalid("",
                  "has the key \"" + twice + "\" twice in one object. Combine both with \"and\".");
   }
-  Filter filter = ReadFilter("", json, 1);
+  Filter filter = ReadFilter("", json);
   CheckFilter(filter);
   return filter;
 }

@@ -73,13 +73,6 @@ struct AddResult {
   AddTimings timings;
 };
 
-struct ListOptions {
-  std::string collection = kDefaultCollection;
-  std::optional<std::string> object;
-  std::string after_id;  // exclusive; images come in order of id
-  int limit = 100;       // 1..1000
-};
-
 struct ObjectRecord {
   std::string object;
   std::uint64_t images = 0;

@@ -110,10 +110,11 @@ class SelfTester {
   std::vector<std::string> IdsOf(const ImageRecord& image) const {
     if (image.object.empty()) return {image.id};
     std::vector<std::string> ids;
-    for (const ImageRecord& other :
-         engine_.List({options_.collection, image.object, "", static_cast<int>(kMaxExcluded)})) {
-      ids.push_back(other.id);
-    }
+    ImageListing list;
+    list.which.collection = options_.collection;
+    list.which.object = image.object;
+    list.limit = static_cast<int>(kMaxExcluded);
+    for (const ImageRecord& other : engine_.ListPage(list).records) ids.push_back(other.id);
     return ids;
   }
 

@@ -84,13 +84,10 @@ class Catalogue {
   CollectionRecord DescribeCollection(const std::string& name);
   std::string SelfTestOf(const std::string& collection);  // CollectionChange::self_test
   std::optional<ObjectRecord> FindObject(const std::string& collection, const std::string& object);
-  std::vector<ObjectRecord> ListObjects(const std::string& collection, const std::string& after,
-                                        int limit);
 
   // Images.
   std::optional<ImageRecord> FindImage(const std::string& collection, const std::string& id);
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
-  std::vector<ImageRecord> ListImages(const ListOptions& options);
   // With a filter, a text, a count of either, or a facet, this reads the metadata or names of the
   // whole collection. It holds one page in memory. kInvalidArgument "after_invalid".
   ImagePage ListImagePage(const ImageListing& list);

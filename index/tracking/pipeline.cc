@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/tracking/pipeline.h"
 
-#include <thread>
+#include <future>
+#include <optional>
 #include <utility>
 
 #include "descriptor/base/stopwatch.h"
@@ -10,7 +11,28 @@
 namespace pliant {
 namespace {
 
-constexpr std::size_t kFramesAhead = 3;  // that wait between two stages; each holds an image
+// What `make` gives until it gives nothing, each value made in another thread while the one before
+// it is used. The destructor waits for the value that is being made.
+template <typename Make>
+class Ahead {
+ public:
+  explicit Ahead(Make make) : make_(std::move(make)) { Start(); }
+  Ahead(const Ahead&) = delete;
+  Ahead& operator=(const Ahead&) = delete;
+
+  // Throws what `make` throws. Not to be called after nothing came.
+  auto Take() {
+    auto value = next_.get();
+    if (value) Start();
+    return value;
+  }
+
+ private:
+  void Start() { next_ = std::async(std::launch::async, std::ref(make_)); }
+
+  Make make_;
+  std::future<std::invoke_result_t<Make>> next_;
+};
 
 struct Described {
   Frame frame;
@@ -18,60 +40,21 @@ struct Described {
   double describe_ms = 0;
 };
 
-// Runs `work` and tells the channel how it ended.
-template <typename Value, typename Work>
-void Produce(Channel<Value>& channel, Work&& work) {
-  try {
-    work();
-    channel.Finish();
-  } catch (...) {  // thrown again by Pop, in the consumer's thread
-    channel.Finish(std::current_exception());
-  }
-}
-
-// Lets go of a channel's producer however the consumer ends.
-template <typename Value>
-class AbandonAtEnd {
- public:
-  explicit AbandonAtEnd(Channel<Value>& channel) : channel_(channel) {}
-  ~AbandonAtEnd() { channel_.Abandon(); }
-  AbandonAtEnd(const AbandonAtEnd&) = delete;
-  AbandonAtEnd& operator=(const AbandonAtEnd&) = delete;
-
- private:
-  Channel<Value>& channel_;
-};
-
 }  // namespace
 
 TrackSummary TrackFrames(FrameSource& source, const Tracker& tracker,
                          const std::function<bool(const TrackedFrame&)>& each) {
   const Stopwatch watch;
-  Channel<Frame> decoded(kFramesAhead);
-  Channel<Described> described(kFramesAhead);
-  // The threads are declared after the channels and before the guards, so that at the end the
-  // guards free the threads, the threads are joined, and the channels go last.
-  std::jthread decode([&] {
-    Produce(decoded, [&] {
-      while (auto frame = source.Next()) {
-        if (!decoded.Push(std::move(*frame))) return;
-      }
-    });
+  Ahead decoded([&] { return source.Next(); });
+  Ahead described([&]() -> std::optional<Described> {
+    auto frame = decoded.Take();
+    if (!frame) return std::nullopt;
+    const Stopwatch stage;
+    Features features = tracker.Describe(frame->image);
+    return Described{*std::move(frame), std::move(features), stage.ms()};
   });
-  std::jthread describe([&] {
-    const AbandonAtEnd guard(decoded);
-    Produce(described, [&] {
-      while (auto frame = decoded.Pop()) {
-        const Stopwatch stage;
-        Features features = tracker.Describe(frame->image);
-        if (!described.Push({std::move(*frame), std::move(features), stage.ms()})) return;
-      }
-    });
-  });
-  const AbandonAtEnd guard(described);
-
   TrackSummary summary;
-  while (auto next = described.Pop()) {
+  while (auto next = described.Take()) {
     const Stopwatch stage;
     TrackedFrame tracked{std::move(next->frame), tracker.Find(next->features), next->describe_ms,
                          0};

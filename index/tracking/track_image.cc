@@ -54,8 +54,6 @@ void DrawMeshLines(Image& on, const Mesh& mesh) {
   }
 }
 
-}  // namespace
-
 Image DrawMesh(const Image& frame, const Location& location) {
   Image image = ToColour(frame);
   if (!location.found) return image;
@@ -63,6 +61,8 @@ Image DrawMesh(const Image& frame, const Location& location) {
   DrawPolyline(image, location.outline, true, colours::kGreen, Thickness(frame) + 1);
   return image;
 }
+
+}  // namespace
 
 Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox& box) {
   if (location.found) return ToColour(Unwarp(frame, *location.warp, box.width, box.height).image);

@@ -13,9 +13,6 @@
 
 namespace pliant {
 
-// The frame with the mesh (where it is trusted) and the outline drawn over it.
-Image DrawMesh(const Image& frame, const Location& location);
-
 // The template as the frame shows it: un-warped, template.width x height, colour; crossed out when
 // the object is lost.
 Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox& box);
@@ -23,8 +20,8 @@ Image DrawUnwarped(const Image& frame, const Location& location, const PixelBox&
 // "frame 12  3.4 s  inliers 120/210" or "frame 12  3.4 s  lost: too few keypoints match".
 std::string Caption(const TrackedFrame& tracked);
 
-// DrawMesh with the caption, and DrawUnwarped at the same height beside it. All images of one
-// tracker have one size.
+// The frame with the mesh (where it is trusted), the outline and the caption, and DrawUnwarped at
+// the same height beside it. All images of one tracker have one size.
 Image DrawTracked(const TrackedFrame& tracked, const PixelBox& box);
 
 // Collects any number of frames and shows a few of them.

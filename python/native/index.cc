@@ -154,14 +154,21 @@ std::string AddFolders(const OpenIndex& index, const std::vector<std::string>& f
                  {"system_files", result.system_files}});
 }
 
-// A page of images after an id, in order of ids, as the JSON text of a list.
-std::string List(Engine& engine, const std::string& collection, const std::string& after,
-                 const std::optional<std::string>& object, int limit) {
-  Json page = Json::array();
-  for (const ImageRecord& image :
-       engine.List({.collection = collection, .object = object, .after_id = after, .limit = limit}))
-    page.push_back(ImageJson(image));
-  return ToText(page);
+// A page of images in order of ids, as the JSON text of a list, and where the next page begins.
+std::pair<std::string, std::optional<std::string>> List(Engine& engine,
+                                                        const std::string& collection,
+                                                        const std::string& after,
+                                                        const std::optional<std::string>& object,
+                                                        int limit) {
+  ImageListing list;
+  list.which.collection = collection;
+  list.which.object = object;
+  list.after = after;
+  list.limit = limit;
+  const ImagePage page = engine.ListPage(list);
+  Json images = Json::array();
+  for (const ImageRecord& image : page.records) images.push_back(ImageJson(image));
+  return {ToText(images), page.next};
 }
 
 std::string Get(Engine& engine, const std::string& collection, const std::string& id) {
@@ -210,13 +217,21 @@ std::uint64_t RemoveObject(Engine& engine, const std::string& collection,
   return engine.RemoveObject(collection, object);
 }
 
-std::vector<std::pair<std::string, std::uint64_t>> Objects(Engine& engine,
+using NamedCounts = std::vector<std::pair<std::string, std::uint64_t>>;
+
+// A page of objects and their numbers of images, and where the next page begins.
+std::pair<NamedCounts, std::optional<std::string>> Objects(Engine& engine,
                                                            const std::string& collection,
                                                            const std::string& after, int limit) {
-  std::vector<std::pair<std::string, std::uint64_t>> page;
-  for (const ObjectRecord& object : engine.ListObjects(collection, after, limit))
-    page.emplace_back(object.object, object.images);
-  return page;
+  ObjectListing list;
+  list.which.collection = collection;
+  list.after = after;
+  list.limit = limit;
+  const ObjectPage page = engine.ListPage(list);
+  NamedCounts counts;
+  for (const ListedObject& object : page.records)
+    counts.emplace_back(object.record.object, object.record.images);
+  return {std::move(counts), page.next};
 }
 
 // --- searches

@@ -146,23 +146,17 @@ class Index:
     def images(self, object: str | None = None) -> Iterator[records.Image]:
         """All images (of an object) in order of their ids, read in pages, so images can be added and removed meanwhile."""
         wanted = None if object is None else _checks.text("object", object)
-        after = ""
-        while True:
-            page = json.loads(self._native.list(after, wanted, _PAGE))
-            yield from map(records.image, page)
-            if len(page) < _PAGE:
-                return
-            after = page[-1]["id"]
+        after: str | None = ""
+        while after is not None:
+            page, after = self._native.list(after, wanted, _PAGE)
+            yield from map(records.image, json.loads(page))
 
     def objects(self) -> Iterator[tuple[str, int]]:
         """(name, number of images) of all objects, in order of their names."""
-        after = ""
-        while True:
-            page = self._native.objects(after, _PAGE)
+        after: str | None = ""
+        while after is not None:
+            page, after = self._native.objects(after, _PAGE)
             yield from page
-            if len(page) < _PAGE:
-                return
-            after = page[-1][0]
 
     # Vocabularies
 

@@ -26,11 +26,11 @@ Json ObjectJson(const ObjectRecord& object, const std::string& image_id) {
 
 // With the first of its images.
 Json ObjectJson(Service& service, const std::string& collection, const ObjectRecord& object) {
-  ListOptions first;
-  first.collection = collection;
-  first.object = object.object;
+  ImageListing first;
+  first.which.collection = collection;
+  first.which.object = object.object;
   first.limit = 1;
-  const std::vector<ImageRecord> images = service.engine().List(first);
+  const std::vector<ImageRecord> images = service.engine().ListPage(first).records;
   return ObjectJson(object, images.empty() ? std::string() : images.front().id);
 }
 

@@ -31,6 +31,12 @@ class EngineAliasesTest : public EngineTest {
   }
 };
 
+std::vector<ListedObject> ObjectsOf(Engine& engine, const std::string& collection) {
+  ObjectListing list;
+  list.which.collection = collection;
+  return engine.ListPage(list).records;
+}
+
 TEST_F(EngineAliasesTest, AnAliasIsGoodWhereverACollectionIsNamed) {
   Engine engine(Options());
   engine.CreateCollection("shirts-1");
@@ -51,7 +57,7 @@ TEST_F(EngineAliasesTest, AnAliasIsGoodWhereverACollectionIsNamed) {
   const SearchResult found = engine.Search(RandomPng(1), search);
   ASSERT_FALSE(found.hits.empty());
   EXPECT_EQ(found.hits[0].object, "shirt");
-  EXPECT_EQ(engine.ListObjects("live", "", 10).size(), 1u);
+  EXPECT_EQ(ObjectsOf(engine, "live").size(), 1u);
   EXPECT_EQ(engine.RemoveObject("live", "shirt"), 4u);
   EXPECT_FALSE(engine.CreateCollection("live")) << "it is there";
   EXPECT_THAT(engine.ListCollections(), ElementsAre("default", "shirts-1"));
@@ -64,9 +70,9 @@ TEST_F(EngineAliasesTest, AnAliasIsMovedAndRemovedAndGoesWithItsCollection) {
   Add(engine, "a", 1, "one");
   Add(engine, "b", 2, "two");
   engine.ChangeAliases({{"live", "a"}, {"next", "b"}});
-  EXPECT_EQ(engine.ListObjects("live", "", 1)[0].object, "one");
+  EXPECT_EQ(ObjectsOf(engine, "live")[0].record.object, "one");
   engine.ChangeAliases({{"live", "b"}, {"before", "a"}, {"next", std::nullopt}});
-  EXPECT_EQ(engine.ListObjects("live", "", 1)[0].object, "two");
+  EXPECT_EQ(ObjectsOf(engine, "live")[0].record.object, "two");
   const std::vector<AliasRecord> aliases = engine.ListAliases();
   ASSERT_EQ(aliases.size(), 2u);
   EXPECT_EQ(aliases[0].name, "before");
@@ -111,7 +117,7 @@ TEST_F(EngineAliasesTest, MovingIsSeenAtOnceByAnotherProcess) {
   std::atomic<int> wrong{0};
   std::thread looking([&] {
     while (!stop) {
-      const auto objects = reader.ListObjects("live", "", 5);
+      const auto objects = ObjectsOf(reader, "live");
       if (objects.size() != 1) ++wrong;
       ++looks;
     }

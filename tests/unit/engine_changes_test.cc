@@ -36,8 +36,8 @@ ObjectChange Name(const std::string& name, bool merge = false) {
 
 std::vector<std::string> Objects(Engine& engine) {
   std::vector<std::string> names;
-  for (const ObjectRecord& object : engine.ListObjects("default", "", 100)) {
-    names.push_back(object.object + ":" + std::to_string(object.images));
+  for (const ListedObject& object : engine.ListPage(ObjectListing()).records) {
+    names.push_back(object.record.object + ":" + std::to_string(object.record.images));
   }
   return names;
 }

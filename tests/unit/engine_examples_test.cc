@@ -115,7 +115,7 @@ TEST_F(ExamplesTest, TwoImagesAreCompared) {
   const Comparison other = engine.Compare(RandomPng(1), RandomPng(2), 1);
   EXPECT_FALSE(other.found());
   EXPECT_LT(other.probability, 0.5);
-  EXPECT_THAT(engine.List({}), IsEmpty()) << "nothing is stored";
+  EXPECT_THAT(engine.ListPage(ImageListing()).records, IsEmpty()) << "nothing is stored";
 }
 
 // The first image is a small part of the second: 40 of 900 pixels wide.

@@ -165,7 +165,7 @@ TEST_F(EngineTest, AFilesNameIsShownAsItIs) {
   EXPECT_EQ(stored(3, "\u202E\u200D\u0645\u200C\u062E"), "\\u{202e}\\u{200d}\u0645\u200C\u062E");
   EXPECT_EQ(stored(4, "\u0645\xff\u200D."), "\u0645\\xff\\u{200d}.");
   EXPECT_EQ(stored(5, "mug\u009B31m"), "mug\\u{9b}31m");
-  const std::string id = engine.List({}).at(0).id;
+  const std::string id = engine.ListPage(ImageListing()).records.at(0).id;
   for (const std::string name : {"shirt\u202Egpj.exe", "a\nb", "\xff"}) {
     ImageChange change;  // said by a person, so it is refused
     change.source = name;
@@ -219,29 +219,32 @@ TEST_F(EngineTest, DeletedBytesLeaveTheFile) {
 TEST_F(EngineTest, ListsComeInPages) {
   Engine engine(Options());
   AddMany(engine, 7);
-  ListOptions list;
+  ImageListing list;
   list.limit = 3;
   std::vector<std::string> ids;
   while (true) {
-    const std::vector<ImageRecord> page = engine.List(list);
-    if (page.empty()) break;
-    EXPECT_LE(page.size(), 3u);
-    for (const ImageRecord& record : page) ids.push_back(record.id);
-    list.after_id = ids.back();
+    const ImagePage page = engine.ListPage(list);
+    EXPECT_LE(page.records.size(), 3u);
+    for (const ImageRecord& record : page.records) ids.push_back(record.id);
+    if (!page.next) break;
+    list.after = *page.next;
   }
   EXPECT_THAT(ids, ElementsAre("p1", "p2", "p3", "p4", "p5", "p6", "p7"));
-  ListOptions of_object;
-  of_object.object = "o2";
-  EXPECT_EQ(engine.List(of_object).size(), 2u);
-  of_object.object = "unknown";
-  EXPECT_THAT(engine.List(of_object), IsEmpty());
-  const std::vector<ObjectRecord> objects = engine.ListObjects("default", "o2", 10);
+  ImageListing of_object;
+  of_object.which.object = "o2";
+  EXPECT_EQ(engine.ListPage(of_object).records.size(), 2u);
+  of_object.which.object = "unknown";
+  EXPECT_THAT(engine.ListPage(of_object).records, IsEmpty());
+  ObjectListing of_objects;
+  of_objects.limit = 2;
+  of_objects.after = engine.ListPage(of_objects).next.value();
+  const std::vector<ListedObject> objects = engine.ListPage(of_objects).records;
   ASSERT_EQ(objects.size(), 2u);
-  EXPECT_EQ(objects[0].object, "o3");
-  EXPECT_EQ(objects[0].images, 2u);
-  EXPECT_EQ(objects[1].images, 1u);
+  EXPECT_EQ(objects[0].record.object, "o3");
+  EXPECT_EQ(objects[0].record.images, 2u);
+  EXPECT_EQ(objects[1].record.images, 1u);
   list.limit = 0;
-  ExpectError(ErrorCode::kInvalidArgument, "limit_invalid", [&] { engine.List(list); });
+  ExpectError(ErrorCode::kInvalidArgument, "limit_invalid", [&] { engine.ListPage(list); });
 }
 
 TEST_F(EngineTest, CollectionsKeepApart) {

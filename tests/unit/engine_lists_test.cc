@@ -46,9 +46,9 @@ class ListsTest : public EngineTest {
     }
   }
   static std::vector<ImageRecord> All(Engine& engine) {
-    ListOptions all;
+    ImageListing all;
     all.limit = 1000;
-    return engine.List(all);
+    return engine.ListPage(all).records;
   }
   static std::vector<std::string> Walk(Engine& engine, ImageListing list, int limit) {
     std::vector<std::string> ids;

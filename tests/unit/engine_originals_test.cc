@@ -155,7 +155,7 @@ TEST_F(EngineOriginalsTest, AFailedAddLeavesNoFile) {
           "END");
   ExpectError(ErrorCode::kInternal, "database_error", [&] { Add(engine, 2, "two"); });
   EXPECT_EQ(Files(), 1U);
-  EXPECT_EQ(engine.List({}).size(), 1U);
+  EXPECT_EQ(engine.ListPage(ImageListing()).records.size(), 1U);
 }
 
 // The same few images come and go in many threads and two engines: no reference without a file.

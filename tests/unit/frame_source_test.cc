@@ -3,14 +3,11 @@
 // Videos and folders of frames: what is read, what is written, what is refused.
 #include "index/tracking/frame_source.h"
 
-#include <thread>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/video.h"
-#include "index/tracking/pipeline.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
 
@@ -194,31 +191,6 @@ TEST(NaturalLess, OrdersNumbersByValue) {
   EXPECT_TRUE(NaturalLess("f01", "f1") != NaturalLess("f1", "f01"));
   EXPECT_FALSE(NaturalLess("f1", "f1"));
   EXPECT_TRUE(NaturalLess("9", "99999999999999999999999999"));
-}
-
-TEST(Channel, KeepsOrderAndLimit) {
-  Channel<int> channel(2);
-  std::jthread producer([&] {
-    for (int i = 0; i < 100; ++i) EXPECT_TRUE(channel.Push(i));
-    channel.Finish();
-  });
-  for (int i = 0; i < 100; ++i) EXPECT_EQ(channel.Pop(), i);
-  EXPECT_FALSE(channel.Pop());
-}
-
-TEST(Channel, PassesErrorsAfterTheValues) {
-  Channel<int> channel(5);
-  EXPECT_TRUE(channel.Push(7));
-  channel.Finish(std::make_exception_ptr(std::runtime_error("broken")));
-  EXPECT_EQ(channel.Pop(), 7);
-  EXPECT_THROW(channel.Pop(), std::runtime_error);
-}
-
-TEST(Channel, AbandoningFreesTheProducer) {
-  Channel<int> channel(1);
-  EXPECT_TRUE(channel.Push(1));
-  std::jthread producer([&] { EXPECT_FALSE(channel.Push(2)); });
-  channel.Abandon();
 }
 
 }  // namespace

