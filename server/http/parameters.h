@@ -34,8 +34,8 @@ class Parameters {
   // "invalid_parameter" for text that is not UTF-8 and for values that the parameter cannot have.
   // A JSON body must have the right types ("5" is no number); null means that there is no value.
   // The form field "image" is the image and no parameter; in a JSON body it is base64, and
-  // "image_url" can replace it. `route` must outlive this.
-  Parameters(const Route& route, const Request& request);
+  // "image_url" can replace it. `route` must outlive this. `body`: what messages call a JSON body.
+  Parameters(const Route& route, const Request& request, const char* body = "body");
 
   bool has(const std::string& name) const {
     return values_.contains(name) || images_.contains(name);
