@@ -77,6 +77,7 @@ void AddCompareRoutes(RouteTable& table) {
       .Summary(
           "Compare two images: whether they show the same object, and where it is in the second. "
           "The server stores neither image")
+      .Needs(Scope::kRead)
       .Body(BodyKind::kPair)
       .Takes({Parameter("first", "the first image, unless a form field image has it").Image(),
               Parameter("second", "the second image, likewise").Image(),

@@ -106,28 +106,21 @@ void AddJobRoutes(RouteTable& table) {
               Parameter("state", "only jobs in this state")
                   .Choice({"queued", "running", "done", "failed", "cancelled"}),
               CursorParameter(), LimitParameter()})
-      .Answers(200, "a page of jobs", "JobList")
-      .Example(R"(curl "$PLIANT/v1/jobs")");
+      .Answers(200, "a page of jobs", "JobList");
   table.Add("GET /v1/jobs/{id}", "jobs.get", Get)
       .Summary("Get the state of a job; with `wait`, wait until the job has ended")
       .Takes({Parameter("wait", "seconds to wait for the end of the job")
                   .Number(0, kLongestWaitS)
                   .Default("0")})
       .Answers(200, "the job", "Job")
-      .Codes({"job_not_found"})
       .Example(R"(curl "$PLIANT/v1/jobs/$JOB?wait=10")");
   table.Add("GET /v1/jobs/{id}/items", "jobs.items", Items)
       .Summary("List the results of each item of a job, page by page")
       .Takes({CursorParameter(), LimitParameter()})
-      .Answers(200, "a page; empty for jobs without items", "JobItems")
-      .Codes({"job_not_found"})
-      .Example(R"(curl "$PLIANT/v1/jobs/$JOB/items")");
+      .Answers(200, "a page; empty for jobs without items", "JobItems");
   table.Add("DELETE /v1/jobs/{id}", "jobs.cancel", Cancel)
       .Summary("Cancel a job; a job that has ended does not change")
-      .Needs(Scope::kWrite)
-      .Answers(202, "the job; it ends soon if it has not ended yet", "Job")
-      .Codes({"job_not_found"})
-      .Example(R"(curl -X DELETE "$PLIANT/v1/jobs/$JOB")");
+      .Answers(202, "the job; it ends soon if it has not ended yet", "Job");
 }
 
 }  // namespace pliant::server

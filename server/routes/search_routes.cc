@@ -356,6 +356,7 @@ void AddSearchRoutes(RouteTable& table) {
                            .Default("false"));
   table.Add("POST /v1/collections/{c}/search", "search", Search)
       .Summary("Find the object that an image shows")
+      .Needs(Scope::kRead)
       .Body(BodyKind::kImageOrJson)
       .Takes(std::move(parameters))
       .Answers(200, "hits, best first", "SearchAnswer")
@@ -366,7 +367,7 @@ void AddSearchRoutes(RouteTable& table) {
                R"("$PLIANT/v1/collections/default/search")");
   table.Add("POST /v1/collections/{c}/search:batch", "search.batch", SearchBatch)
       .Summary("Run several searches; each gets its own answer or problem")
-      .Body(BodyKind::kJson)
+      .Needs(Scope::kRead)
       .Takes({Parameter("searches",
                         "up to 100 objects, each with the parameters of a search, and image_id, "
                         "image_ids, image (base64) or image_url")
