@@ -231,6 +231,10 @@ const Parameter& Parameters::Spec(const std::string& name) const {
   throw std::logic_error("route " + route_.name + " has no parameter " + name);
 }
 
+Json Parameters::DefaultOf(const std::string& name) const {
+  return ValueOf(Spec(name), Spec(name).default_value);
+}
+
 std::optional<std::string> Parameters::Text(const std::string& name) const {
   const auto value = Get<Json>(name);
   if (!value) return std::nullopt;

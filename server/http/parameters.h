@@ -49,6 +49,11 @@ class Parameters {
     const auto found = values_.find(Spec(name).name);
     return found == values_.end() ? std::nullopt : std::optional(found->second.get<T>());
   }
+  // The same, or the default that the route declares for the parameter.
+  template <typename T>
+  T Value(const std::string& name) const {
+    return Get<Json>(name).value_or(DefaultOf(name)).template get<T>();
+  }
   std::optional<std::string> Text(const std::string& name) const;  // of any type; JSON on one line
   // Null = absent; owned by this. Without a name: the image in a JSON body, beside the parameters.
   const ImageText* Image(const std::string& name = {}) const;
@@ -71,6 +76,7 @@ class Parameters {
   void InsertText(const std::string& name, const std::string& text);
   void Insert(const Parameter& spec, Json value);
   const Parameter& Spec(const std::string& name) const;
+  Json DefaultOf(const std::string& name) const;
 
   const Route& route_;
   std::map<std::string, Json> values_;

@@ -14,7 +14,6 @@ namespace pliant::server {
 
 namespace {
 
-constexpr std::size_t kMostAliasesAtOnce = 1000;
 constexpr std::int64_t kMostTestPictures = 10'000;
 
 Response ListCollections(Service& service, const Request&, const Parameters&) {
@@ -58,11 +57,9 @@ Response PatchCollection(Service& service, const Request& request, const Paramet
 Response StartSelfTest(Service& service, const Request& request, const Parameters& parameters) {
   SelfTestOptions options;
   options.collection = CollectionOf(service, request);
-  options.pictures =
-      static_cast<int>(parameters.Get<std::int64_t>("pictures").value_or(options.pictures));
-  options.false_alarms = parameters.Get<double>("false_alarms").value_or(options.false_alarms);
-  options.seed = static_cast<std::uint64_t>(
-      parameters.Get<std::int64_t>("seed").value_or(static_cast<std::int64_t>(options.seed)));
+  options.pictures = parameters.Value<int>("pictures");
+  options.false_alarms = parameters.Value<double>("false_alarms");
+  options.seed = parameters.Value<std::uint64_t>("seed");
   return JobResponse(AddSelfTestJob(*service.jobs, options));
 }
 
@@ -117,9 +114,6 @@ Response PutAlias(Service& service, const Request& request, const Parameters& pa
 
 Response PatchAliases(Service& service, const Request& request, const Parameters& parameters) {
   const Json patch = MergePatchOf(request, {});
-  if (patch.size() > kMostAliasesAtOnce) {
-    ThrowInvalid("body", "The body can change at most 1000 aliases.");
-  }
   AliasChanges changes;
   for (const auto& [name, collection] : patch.items()) {
     changes[name] = TextIn(patch, name);

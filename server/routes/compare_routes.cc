@@ -66,8 +66,7 @@ Response Compare(Service& service, const Request& request, const Parameters& par
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     comparison = service.engine().Compare(images[0].bytes, images[1].bytes, cores);
   });
-  const bool explain = parameters.Get<bool>("explain").value_or(false);
-  return JsonResponse(ComparisonJson(comparison, watch.ms(), explain));
+  return JsonResponse(ComparisonJson(comparison, watch.ms(), parameters.Value<bool>("explain")));
 }
 
 }  // namespace

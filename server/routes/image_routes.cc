@@ -193,7 +193,7 @@ Response Preview(Service& service, const Request& request, const Parameters& par
 Response FeaturesOf(Service& service, const Request& request, const Parameters& parameters) {
   const std::string& id = request.captures.at("id");
   const Features features = service.engine().GetFeatures(request.captures.at("c"), id);
-  if (parameters.Text("format").value_or("json") == "npz") {
+  if (parameters.Text("format") == "npz") {
     return {.content_type = kNpzType,
             .body = FeaturesNpz(features),
             .headers = {{"Cache-Control", "no-store"},

@@ -21,7 +21,7 @@ Response Import(Service& service, const Request& request, const Parameters& para
   }
   const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
                               .metadata = parameters.Text("metadata").value_or("{}"),
-                              .object_from = parameters.Text("object_from").value_or("auto")};
+                              .object_from = parameters.Value<std::string>("object_from")};
   if (!request.received) {  // the body waits in the database
     RequireDiskSpace(FolderOf(service.options.engine.database), request.body.size(),
                      service.options.engine.reserve_bytes);
@@ -42,7 +42,7 @@ Response ImportFolder(Service& service, const Request& request, const Parameters
   const std::string folder = parameters.Text("folder").value_or("");
   ResolveImportFolder(service.options.import_dir, folder);  // throws now, not in the job
   return JobResponse(AddImportJob(*service.jobs, collection, folder,
-                                  parameters.Text("object_from").value_or("auto")));
+                                  parameters.Value<std::string>("object_from")));
 }
 
 Response GetDemonstration(Service& service, const Request& request, const Parameters&) {

@@ -35,7 +35,7 @@ Response List(Service& service, const Request& request, const Parameters& parame
   const std::string identity =
       ToText(Json::array({"jobs", state.value_or(""), collection.value_or("")}));
   const std::string after = AfterFromCursor(parameters, identity);
-  const auto limit = static_cast<std::size_t>(PageLimit(parameters));
+  const auto limit = parameters.Value<std::size_t>("limit");
   const std::vector<JobStatus> jobs = service.jobs->List();
   auto job = jobs.begin();
   if (!after.empty()) {
@@ -59,7 +59,7 @@ Response List(Service& service, const Request& request, const Parameters& parame
 Response Get(Service& service, const Request& request, const Parameters& parameters) {
   JobStore& jobs = *service.jobs;
   const JobStatus job = JobOf(jobs, request);
-  const std::chrono::duration<double> patience(parameters.Get<double>("wait").value_or(0));
+  const std::chrono::duration<double> patience(parameters.Value<double>("wait"));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
   }
@@ -74,7 +74,7 @@ Response Items(Service& service, const Request& request, const Parameters& param
   const std::string id = JobOf(*service.jobs, request).id;
   const std::string identity = ToText(Json::array({"job_items", id}));
   const std::string after = AfterFromCursor(parameters, identity);
-  const auto limit = static_cast<std::size_t>(PageLimit(parameters));
+  const auto limit = parameters.Value<std::size_t>("limit");
   const auto first = NumberOf<std::uint32_t>(after.empty() ? "0" : after);
   if (!first) ThrowInvalidCursor();
   std::vector<std::string> texts =

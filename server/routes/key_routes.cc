@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <mutex>
 
-#include "descriptor/base/error.h"
 #include "server/auth/api_keys.h"
 #include "server/http/problem.h"
 #include "server/routes/answers.h"
@@ -19,16 +18,6 @@ bool IsWorkingAdmin(const ApiKeyRecord& key) {
   return Works(key) && key.scope == ScopeName(Scope::kAdmin);
 }
 
-std::string NameOf(const Parameters& parameters) {
-  const std::string name = parameters.Text("name").value();
-  try {
-    CheckKeyName(name);
-  } catch (const Error& error) {
-    ThrowInvalid("name", error.what());
-  }
-  return name;
-}
-
 Response List(Service& service, const Request&, const Parameters&) {
   Json items = Json::array();
   for (const ApiKeyRecord& key : service.store().Keys()) items.push_back(KeyJson(key));
@@ -36,8 +25,9 @@ Response List(Service& service, const Request&, const Parameters&) {
 }
 
 Response Create(Service& service, const Request& request, const Parameters& parameters) {
-  const std::string name = NameOf(parameters);
-  const Scope scope = ScopeFromName(parameters.Text("scope").value_or("read")).value();
+  const std::string name = parameters.Text("name").value();
+  CheckKeyName(name);
+  const Scope scope = ScopeFromName(parameters.Value<std::string>("scope")).value();
   // The first key closes the server to callers without a key. If it were not an admin key, nobody
   // could create keys over HTTP.
   if (request.caller.key_id.empty() && scope != Scope::kAdmin) {

@@ -84,10 +84,9 @@ Response Patch(Service& service, const Request& request, const Parameters& param
     throw ProblemError("missing_parameter", "object is required: the new name.",
                        {.parameter = "object"});
   }
-  if (name->empty()) ThrowInvalid("object", "object must not be empty.");
   ObjectChange change;
   change.name = *name;
-  change.merge = parameters.Get<bool>("merge").value_or(false);
+  change.merge = parameters.Value<bool>("merge");
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));
   };

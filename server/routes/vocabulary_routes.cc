@@ -33,10 +33,9 @@ Response Train(Service& service, const Request& request, const Parameters& param
   options.words = static_cast<int>(parameters.Get<std::int64_t>("words").value_or(options.words));
   options.sample =
       static_cast<int>(parameters.Get<std::int64_t>("sample").value_or(options.sample));
-  options.seed = static_cast<std::uint64_t>(
-      parameters.Get<std::int64_t>("seed").value_or(static_cast<std::int64_t>(options.seed)));
-  return JobResponse(AddTrainingJob(*service.jobs, options,
-                                    /*activate=*/parameters.Get<bool>("activate").value_or(true)));
+  options.seed = parameters.Value<std::uint64_t>("seed");
+  return JobResponse(
+      AddTrainingJob(*service.jobs, options, /*activate=*/parameters.Value<bool>("activate")));
 }
 
 [[noreturn]] void ThrowNoVocabulary(const std::string& id) {
