@@ -33,9 +33,13 @@ cmake --preset quickstart
 NINJA_STATUS='[%f of %t, %e s] ' cmake --build --preset quickstart
 bin=build/quickstart/bin
 
-step "3/5 Index the demonstration images (photographs from Debian's opencv-doc; seconds)"
-mkdir -p "$data"
-bash server/app/demo_images.sh "$data"
+step "3/5 Index the demonstration images (six flat objects; seconds)"
+mkdir -p "$data/objects" "$data/queries"
+for crumpled in server/web/demo/*-crumpled.jpg; do  # a photo of the object NAME.jpg, never indexed
+  name=$(basename "$crumpled" -crumpled.jpg)
+  cp "server/web/demo/$name.jpg" "$data/objects/"
+  cp "$crumpled" "$data/queries/$name.jpg"
+done
 "$bin/pliant" index "$data/objects" --db "$data/demo.db"
 
 step "4/5 Start the server"
@@ -53,23 +57,23 @@ done
 [ -n "$address" ] || { echo "The server did not become ready:" >&2; cat "$log" >&2; exit 1; }
 echo "The server answers at $address (log: $log)"
 
-step "5/5 Ask: which object is this? ($data/queries/graffiti-wall.png, a view that was not indexed)"
-curl -fsS -F "image=@$data/queries/graffiti-wall.png" -F limit=3 \
+step "5/5 Ask: which object is this? ($data/queries/town-map.jpg, a photo of a crumpled map)"
+curl -fsS -F "image=@$data/queries/town-map.jpg" -F limit=3 \
   "$address/v1/collections/default/search" | python3 -c '
 import json, sys
 answer = json.load(sys.stdin)
 for hit in answer["hits"]:
     print("  {rank}. {object:<20} score {score:.3f}".format(**hit))
 print("  answered in {:.0f} ms".format(answer["took_ms"]))
-if not answer["hits"] or answer["hits"][0]["object"] != "graffiti-wall":
-    sys.exit("expected graffiti-wall first")
+if not answer["hits"] or answer["hits"][0]["object"] != "town-map":
+    sys.exit("expected town-map first")
 '
 
 cat <<TEXT
 
 Look at:
   $address/                 the web page: drop one of $data/queries/* on it, or your own photo
-  $bin/pliant query $data/queries/cracker-box.png --db $data/demo.db
+  $bin/pliant query $data/queries/newspaper.jpg --db $data/demo.db
 TEXT
 if ! $once; then
   echo "The server runs until you press Ctrl-C."

@@ -4,14 +4,11 @@
 
 #include <cstring>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <type_traits>
 #include <utility>
 #include <vector>
-
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
@@ -21,6 +18,7 @@
 #include "descriptor/base/safetensors.h"
 #include "descriptor/base/strings.h"
 #include "index/files/durable_file.h"
+#include "index/files/mapped_file.h"
 
 namespace pliant {
 namespace {
@@ -33,19 +31,6 @@ std::string HexOf(XXH64_hash_t hash) {
   XXH64_canonical_t bytes;
   XXH64_canonicalFromHash(&bytes, hash);
   return ToHex(bytes.digest);
-}
-
-// A whole file, readable as long as the result lives.
-std::shared_ptr<const std::uint8_t> MapFile(const fs::path& path, std::size_t* bytes) {
-  const FileHandle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat info = {};
-  if (!file.is_open() || ::fstat(file.get(), &info) != 0) ThrowErrno("cannot read", path);
-  const auto size = static_cast<std::size_t>(info.st_size);
-  void* const data = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, file.get(), 0);
-  if (data == MAP_FAILED) ThrowErrno("cannot map", path);
-  *bytes = size;
-  return {static_cast<const std::uint8_t*>(data),
-          [size](const std::uint8_t* begin) { ::munmap(const_cast<std::uint8_t*>(begin), size); }};
 }
 
 }  // namespace
@@ -93,18 +78,18 @@ std::shared_ptr<const IndexSegment> SegmentFile::Map(const fs::path& path) {
     return found == header.metadata.end() ? std::string() : found->second;
   };
   require(metadata("format") == kFormat);
-  std::size_t bytes = 0;
-  const std::shared_ptr<const std::uint8_t> file = MapFile(path, &bytes);
-  require(bytes > header.data_begin && header.data_begin % alignof(IndexSegment::Image) == 0);
-  require(metadata("xxh3") ==
-          HexOf(XXH3_64bits(file.get() + header.data_begin, bytes - header.data_begin)));
+  const std::shared_ptr<const std::string_view> file = MapFile(path);
+  require(file->size() > header.data_begin &&
+          header.data_begin % alignof(IndexSegment::Image) == 0);
+  const std::string_view data = file->substr(header.data_begin);
+  require(metadata("xxh3") == HexOf(XXH3_64bits(data.data(), data.size())));
   auto segment = std::make_shared<IndexSegment>();
   ForEachArray(*segment, [&](const char* name, const char* /*type*/, auto& array) {
     using Value = std::remove_cvref_t<decltype(array[0])>;
     const auto tensor = header.tensors.find(name);
     require(tensor != header.tensors.end());
     const auto& [begin, end] = std::pair(tensor->second.begin, tensor->second.end);
-    array = {std::span(reinterpret_cast<const Value*>(file.get() + header.data_begin + begin),
+    array = {std::span(reinterpret_cast<const Value*>(data.data() + begin),
                        (end - begin) / sizeof(Value)),
              file};
   });

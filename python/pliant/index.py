@@ -194,7 +194,7 @@ class Index:
             rank: "neighbours" or "histogram".
             verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images to verify, 0 = adaptive, 30
                 to 100 and more in large collections; expand: number of verified images for query expansion, None = 3
-                by image, 0 by object; instances: maximum number of instances of one object, 4.
+                by image, 0 by object; instances: maximum number of instances of one object, 20.
             closer_look: if nothing is found, run a second pass at high resolution and return the answer with more
                 evidence (True); not with Features.
             region: (x, y, width, height) in pixels of the query: searches only this part, at its full resolution.

@@ -13,7 +13,6 @@
 
 #include <CLI/CLI.hpp>
 #include <netdb.h>
-#include <netinet/in.h>
 #include <nlohmann/json.hpp>
 #include <sys/socket.h>
 
@@ -22,6 +21,7 @@
 #include "index/store/database_url.h"
 #include "index/usage/usage.h"
 #include "server/http/forwarded.h"
+#include "server/http/network.h"
 
 namespace pliant::server {
 
@@ -201,15 +201,8 @@ constexpr std::size_t kKiB = 1024;
 constexpr std::size_t kMiB = 1024 * kKiB;
 
 bool IsLoopback(const sockaddr* address) {
-  if (address->sa_family == AF_INET) {
-    const auto* v4 = reinterpret_cast<const sockaddr_in*>(address);
-    return (ntohl(v4->sin_addr.s_addr) >> 24) == 127;
-  }
-  if (address->sa_family == AF_INET6) {
-    const auto* v6 = reinterpret_cast<const sockaddr_in6*>(address);
-    return IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr) != 0;
-  }
-  return false;
+  const auto bytes = IpAddressOf(address);
+  return bytes && (IpNetworkOf("127.0.0.0/8")->Contains(*bytes) || bytes == IpAddressOf("::1"));
 }
 
 bool AllLoopback(const std::string& host) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <new>
 #include <utility>
 
@@ -111,19 +110,8 @@ std::string CanonicalHost(std::string host) {
 }
 
 AddressKind KindOf(const sockaddr* address) {
-  IpAddress bytes = kMappedIp4;
-  if (address->sa_family == AF_INET) {
-    sockaddr_in v4{};
-    std::memcpy(&v4, address, sizeof v4);
-    std::memcpy(bytes.data() + kBitsBeforeIp4 / 8, &v4.sin_addr, sizeof v4.sin_addr);
-  } else if (address->sa_family == AF_INET6) {
-    sockaddr_in6 v6{};
-    std::memcpy(&v6, address, sizeof v6);
-    std::memcpy(bytes.data(), &v6.sin6_addr, bytes.size());
-  } else {
-    return Kind::kNever;
-  }
-  return KindOfBytes(bytes);
+  const auto bytes = IpAddressOf(address);
+  return bytes ? KindOfBytes(*bytes) : Kind::kNever;
 }
 
 WebAddress::WebAddress(const std::string& text)

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <regex>
 
-#include <brotli/encode.h>
 #include <zlib.h>
 
 #include "descriptor/base/strings.h"
@@ -20,12 +19,10 @@ namespace {
 // Long answers are compressed at about 100 MB/s, short ones better.
 constexpr int kGzipLevel = 6;
 constexpr int kGzipLevelOfLong = 1;
-constexpr int kBrotliQuality = 5;
-constexpr int kBrotliQualityOfLong = 1;
 constexpr int kGzipWindowBits = 15 + 16;  // 16: a gzip header and trailer
 constexpr int kGzipMemory = 8;
 
-// Both return an empty string on failure.
+// Empty on failure.
 std::string Gzipped(const std::string& body) {
   z_stream stream{};
   const int level = body.size() >= Compressor::kLongBytes ? kGzipLevelOfLong : kGzipLevel;
@@ -42,28 +39,6 @@ std::string Gzipped(const std::string& body) {
   packed.resize(whole ? stream.total_out : 0);
   deflateEnd(&stream);
   return packed;
-}
-
-std::string Brotlied(const std::string& body) {
-  const int quality = body.size() >= Compressor::kLongBytes ? kBrotliQualityOfLong : kBrotliQuality;
-  std::string packed(BrotliEncoderMaxCompressedSize(body.size()), '\0');
-  std::size_t size = packed.size();
-  const bool whole =
-      BrotliEncoderCompress(quality, BROTLI_DEFAULT_WINDOW, BROTLI_MODE_TEXT, body.size(),
-                            reinterpret_cast<const std::uint8_t*>(body.data()), &size,
-                            reinterpret_cast<std::uint8_t*>(packed.data())) == BROTLI_TRUE;
-  packed.resize(whole ? size : 0);
-  return packed;
-}
-
-void NameCoding(const std::string& coding, Response& response) {
-  response.headers.emplace_back("Content-Encoding", coding);
-  for (auto& [name, value] : response.headers) {
-    const bool strong = value.size() >= 2 && value.front() == '"' && value.back() == '"';
-    if (name == "ETag" && strong) {
-      value.insert(value.size() - 1, "-" + coding);
-    }
-  }
 }
 
 // "0", "0.5", "1.000" in thousandths; -1 = no q-value.
@@ -89,17 +64,15 @@ std::map<std::string, int> WeightsOf(std::string_view list) {
   return weights;
 }
 
-std::string ChooseCoding(std::string_view accept_encoding) {
+bool PrefersGzip(std::string_view accept_encoding) {
   std::map<std::string, int> weights = WeightsOf(accept_encoding);
-  if (const auto old = weights.find("x-gzip"); old != weights.end()) {
-    weights.emplace("gzip", old->second);  // its earlier name (RFC 9110, section 8.4.1.3)
+  for (const char* name :
+       {"x-gzip", "*"}) {  // its earlier name (RFC 9110, section 8.4.1.3), or any
+    if (const auto other = weights.find(name); other != weights.end()) {
+      weights.emplace("gzip", other->second);
+    }
   }
-  for (const char* coding : {"gzip", "br"}) weights.emplace(coding, weights["*"]);
-  std::string best = "identity";
-  for (const char* coding : {"gzip", "br"}) {
-    if (weights[coding] > 0 && weights[coding] >= weights[best]) best = coding;
-  }
-  return best;
+  return weights["gzip"] > 0 && weights["gzip"] >= weights["identity"];
 }
 
 bool IsCompressible(std::string_view content_type) {
@@ -118,19 +91,22 @@ void Compressor::Compress(const Request& request, Response& response) {
   std::string accepted;
   const auto [begin, end] = request.headers.equal_range("Accept-Encoding");
   for (auto header = begin; header != end; ++header) accepted += header->second + ",";
-  const std::string coding = ChooseCoding(accepted);
   const bool partial = response.status == 206;
-  if (coding == "identity" || partial || bytes < kFewestBytes || bytes > kMostBytes) return;
+  if (!PrefersGzip(accepted) || partial || bytes < kFewestBytes || bytes > kMostBytes) return;
   const bool is_long = bytes >= kLongBytes;
   if (is_long && --free_ < 0) {
     ++free_;
     return;
   }
-  std::string packed = coding == "br" ? Brotlied(response.body) : Gzipped(response.body);
+  std::string packed = Gzipped(response.body);
   if (is_long) ++free_;
   if (packed.empty() || packed.size() >= bytes) return;
   response.body = std::move(packed);
-  NameCoding(coding, response);
+  for (auto& [name, value] : response.headers) {
+    const bool strong = value.size() >= 2 && value.front() == '"' && value.back() == '"';
+    if (name == "ETag" && strong) value.replace(value.size() - 1, 1, kGzipEtagEnd);
+  }
+  response.headers.emplace_back("Content-Encoding", "gzip");
 }
 
 }  // namespace pliant::server

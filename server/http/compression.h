@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Answers compressed with gzip and Brotli, as the client prefers (RFC 9110, section 12.5).
+// Answers compressed with gzip, if the client prefers that (RFC 9110, section 12.5).
 #pragma once
 
 #include <atomic>
@@ -18,9 +18,10 @@ namespace pliant::server {
 // with other parameters are left out.
 std::map<std::string, int> WeightsOf(std::string_view list);
 
-// "br", "gzip" or "identity": the coding with the highest q; of equals, the first of these. Codings
-// that are neither listed nor covered by * are refused, but identity is the last choice.
-std::string ChooseCoding(std::string_view accept_encoding);
+// Whether gzip is listed, or covered by *, with at least the q-value of identity.
+bool PrefersGzip(std::string_view accept_encoding);
+// The end of a compressed answer's ETag.
+inline constexpr std::string_view kGzipEtagEnd = "-gzip\"";
 
 // Text and JSON; images are compressed already.
 bool IsCompressible(std::string_view content_type);

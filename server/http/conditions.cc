@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "server/http/body_file.h"
+#include "server/http/compression.h"
 #include "server/http/problem.h"
 #include "server/http/request_reader.h"
 
@@ -43,11 +44,9 @@ std::vector<std::string> TagsIn(const Request& request, const std::string& name)
 }
 
 bool Names(const std::string& tag, const std::string& etag) {
-  for (const std::string_view suffix : {"-gzip\"", "-br\""}) {
-    if (tag.ends_with(suffix) && tag.substr(0, tag.size() - suffix.size()) + '"' == etag)
-      return true;
-  }
-  return tag == "*" || tag == etag;
+  const std::size_t plain = etag.size() - 1;  // before the last quote
+  return tag == "*" || tag == etag ||
+         (tag.starts_with(etag.substr(0, plain)) && tag.substr(plain) == kGzipEtagEnd);
 }
 
 // The first byte and the number of bytes. Section 14.1.2: "bytes=0-99", "bytes=100-", "bytes=-100".

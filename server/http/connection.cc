@@ -185,9 +185,7 @@ bool Connection::ReceiveHead() {
   if (address_ != peer_ && !context_.has_room(*this)) {
     throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
   }
-  if (!session_->takes_body_first()) return Serve();
-  Enter(Phase::kBody);
-  return true;
+  return Serve();
 }
 
 bool Connection::ReceiveBody() {
@@ -208,7 +206,7 @@ bool Connection::ReceiveBody() {
 }
 
 bool Connection::Serve() {
-  const bool has_waited = phase_ == Phase::kWaiting;  // Session limits how many wait
+  const bool goes_on = phase_ != Phase::kHead;  // a worker has taken the request before
   subscription_.reset();
   Enter(Phase::kServing);
   Workers& workers = session_->asks_for_health() ? context_.health : context_.requests;
@@ -217,7 +215,7 @@ bool Connection::Serve() {
         const Session::Next next = session->Serve();
         self->context_.loop.Post([=] { self->Run([&] { return self->OnServed(next); }); });
       },
-      has_waited);
+      goes_on);
   if (taken) return false;
   throw ProblemError("busy", kTooManyRequests, {.retry_after_s = 2});
 }

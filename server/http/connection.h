@@ -5,8 +5,8 @@
 // request, a worker, an event of a handler, or the client to receive the answer. So a thousand slow
 // clients cost only memory.
 //
-// An upload changes threads three times: it is accepted, received here, served by a worker, and its
-// answer is sent here.
+// An upload changes threads five times: it is accepted, its head is received here and checked by a
+// worker, its body is received here and served by a worker, and its answer is sent here.
 #pragma once
 
 #include <atomic>

@@ -3,12 +3,29 @@
 #include "server/http/network.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include <arpa/inet.h>
+#include <netinet/in.h>
 
 #include "descriptor/base/strings.h"
 
 namespace pliant::server {
+
+std::optional<IpAddress> IpAddressOf(const sockaddr* address) {
+  IpAddress bytes = kMappedIp4;
+  if (address->sa_family == AF_INET) {
+    sockaddr_in v4{};
+    std::memcpy(&v4, address, sizeof v4);
+    std::memcpy(bytes.data() + kBitsBeforeIp4 / 8, &v4.sin_addr, sizeof v4.sin_addr);
+    return bytes;
+  }
+  if (address->sa_family != AF_INET6) return std::nullopt;
+  sockaddr_in6 v6{};
+  std::memcpy(&v6, address, sizeof v6);
+  std::memcpy(bytes.data(), &v6.sin6_addr, bytes.size());
+  return bytes;
+}
 
 std::optional<IpAddress> IpAddressOf(const std::string& text) {
   IpAddress address = kMappedIp4;

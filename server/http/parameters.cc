@@ -133,7 +133,8 @@ std::string WantedOf(const Parameter& spec, const Json& value) {
 
 }  // namespace
 
-Parameters::Parameters(const Route& route, const Request& request) : route_(route) {
+Parameters::Parameters(const Route& route, const Request& request, const char* body_name)
+    : route_(route) {
   for (const auto& [name, value] : request.query) InsertText(name, value);
   for (const Part& part : request.parts) {
     if (part.name != kImagePart) InsertPart(part);
@@ -141,7 +142,7 @@ Parameters::Parameters(const Route& route, const Request& request) : route_(rout
   // A merge patch is the handler's: in it null means something, and types do.
   if (request.content_type == "application/json" && !request.body.empty() &&
       route.body != BodyKind::kMergePatch) {
-    Json body = ParseJson(request.body, "body");
+    Json body = ParseJson(request.body, body_name);
     if (route.body == BodyKind::kImageOrJson) {
       ImageText image = TakeImage(body);
       if (image.base64 || image.url) images_.emplace("", std::move(image));
@@ -228,6 +229,10 @@ bool Parameters::takes(const std::string& name) const { return FindSpec(route_, 
 const Parameter& Parameters::Spec(const std::string& name) const {
   if (const Parameter* spec = FindSpec(route_, name)) return *spec;
   throw std::logic_error("route " + route_.name + " has no parameter " + name);
+}
+
+Json Parameters::DefaultOf(const std::string& name) const {
+  return ValueOf(Spec(name), Spec(name).default_value);
 }
 
 std::optional<std::string> Parameters::Text(const std::string& name) const {

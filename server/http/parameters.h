@@ -34,8 +34,8 @@ class Parameters {
   // "invalid_parameter" for text that is not UTF-8 and for values that the parameter cannot have.
   // A JSON body must have the right types ("5" is no number); null means that there is no value.
   // The form field "image" is the image and no parameter; in a JSON body it is base64, and
-  // "image_url" can replace it. `route` must outlive this.
-  Parameters(const Route& route, const Request& request);
+  // "image_url" can replace it. `route` must outlive this. `body`: what messages call a JSON body.
+  Parameters(const Route& route, const Request& request, const char* body = "body");
 
   bool has(const std::string& name) const {
     return values_.contains(name) || images_.contains(name);
@@ -48,6 +48,11 @@ class Parameters {
   std::optional<T> Get(const std::string& name) const {
     const auto found = values_.find(Spec(name).name);
     return found == values_.end() ? std::nullopt : std::optional(found->second.get<T>());
+  }
+  // The same, or the default that the route declares for the parameter.
+  template <typename T>
+  T Value(const std::string& name) const {
+    return Get<Json>(name).value_or(DefaultOf(name)).template get<T>();
   }
   std::optional<std::string> Text(const std::string& name) const;  // of any type; JSON on one line
   // Null = absent; owned by this. Without a name: the image in a JSON body, beside the parameters.
@@ -71,6 +76,7 @@ class Parameters {
   void InsertText(const std::string& name, const std::string& text);
   void Insert(const Parameter& spec, Json value);
   const Parameter& Spec(const std::string& name) const;
+  Json DefaultOf(const std::string& name) const;
 
   const Route& route_;
   std::map<std::string, Json> values_;

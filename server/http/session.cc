@@ -103,12 +103,6 @@ bool Session::expects_continue() const {
   return !request_.is_http_1_0 && Lower(request_.header("Expect")) == "100-continue";
 }
 
-bool Session::takes_body_first() const {
-  return request_.framing == BodyFraming::kLength &&
-         request_.length <= context_.options.max_body_bytes && !expects_continue() &&
-         !request_.headers.contains("Content-Encoding") && context_.admitted.Has(request_);
-}
-
 void Session::TakeBody(std::string body, std::uint64_t bytes) {
   request_.body = std::move(body);
   record_.bytes_in = bytes;
@@ -173,7 +167,8 @@ std::optional<Response> Session::Check() {
     throw ProblemError("precondition_failed",
                        "This route does not support If-Match. Nothing was changed.");
   }
-  Admit();
+  context_.options.admit(*route_, request_);
+  record_.key_id = request_.caller.key_id;
   if (route_->needs_index && context_.stopping) {
     throw ProblemError("stopping", "The server is stopping.");
   }
@@ -190,17 +185,6 @@ std::optional<Response> Session::Check() {
     request_.received = route_->receive(request_, request_.length);
   }
   return std::nullopt;
-}
-
-void Session::Admit() {
-  try {
-    context_.options.admit(*route_, request_);
-  } catch (...) {
-    context_.admitted.Note(request_, false);
-    throw;
-  }
-  record_.key_id = request_.caller.key_id;
-  if (route_->scope != Scope::kPublic) context_.admitted.Note(request_, true);
 }
 
 Session::Next Session::RunHandler() {

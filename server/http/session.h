@@ -5,18 +5,16 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 
+#include "descriptor/base/parallel.h"
 #include "server/http/compression.h"
 #include "server/http/forwarded.h"
 #include "server/http/http_server.h"
@@ -28,27 +26,6 @@ namespace pliant::server {
 
 inline constexpr int kMostRequestsPerConnection = 1000;
 
-// Hashes of recently admitted keys: the server receives bodies with these keys early. Thread-safe.
-class AdmittedKeys {
- public:
-  bool Has(const Request& request) const {
-    const std::size_t hash = HashOf(request);
-    return hashes_[hash % kKeys] == hash;
-  }
-  void Note(const Request& request, bool admitted) {
-    const std::size_t hash = HashOf(request);
-    hashes_[hash % kKeys] = admitted ? hash : 0;
-  }
-
- private:
-  static constexpr std::size_t kKeys = 256;
-  static std::size_t HashOf(const Request& request) {
-    return std::hash<std::string>()(request.header("Authorization") + '\n' +
-                                    request.header("X-API-Key"));
-  }
-  std::array<std::atomic<std::size_t>, kKeys> hashes_ = {};
-};
-
 // Shared by all sessions of a server.
 struct SessionContext {
   const HttpOptions options;
@@ -58,9 +35,8 @@ struct SessionContext {
   const TrustedProxies proxies{options.trusted_proxies};
   std::atomic<bool> stopping{false};
   std::atomic<int> waiting{0};  // requests that wait for an event (Wait)
-  AdmittedKeys admitted = {};
   // Long answers at once, on half of the cores: the others are for searches.
-  Compressor compressor{std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / 2)};
+  Compressor compressor{std::max(1, ResolveThreads(0) / 2)};
 };
 
 // Used by one thread at a time.
@@ -87,9 +63,6 @@ class Session {
   const std::string& client() const { return request_.remote_address; }
   bool asks_for_health() const;
   bool expects_continue() const;
-  // Whether the body can be received before Serve(): that spares two hand-overs. Not if the client
-  // asks first, nor for long or compressed bodies, nor for unknown keys.
-  bool takes_body_first() const;
   void TakeBody(std::string body, std::uint64_t bytes);
   std::shared_ptr<BodySink> sink() const { return request_.received; }  // for the body; can be null
 
@@ -103,7 +76,6 @@ class Session {
 
  private:
   std::optional<Response> Check();
-  void Admit();
   Next RunHandler();
   Next BeginWait(Wait wait);
   void AnswerProblem(const Problem& problem);

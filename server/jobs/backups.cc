@@ -39,10 +39,6 @@ std::string NameOfNow() {
                      fmt::gmtime(std::chrono::system_clock::to_time_t(now)), ms, kSuffix);
 }
 
-[[noreturn]] void ThrowOff() {
-  throw ProblemError("backups_off", "Backups are off. Start the server with --backup-dir DIR.");
-}
-
 [[noreturn]] void ThrowNotFound() {
   throw ProblemError("backup_not_found", "No backup has this name.");
 }
@@ -58,14 +54,16 @@ std::optional<BackupFile> Find(const fs::path& path) {
 
 }  // namespace
 
-void Backups::RequireDirectory() const {
-  if (directory_.empty()) ThrowOff();
+const fs::path& Backups::Directory() const {
+  if (directory_.empty()) {
+    throw ProblemError("backups_off", "Backups are off. Start the server with --backup-dir DIR.");
+  }
+  return directory_;
 }
 
 std::vector<BackupFile> Backups::List() const {
-  RequireDirectory();
   std::vector<BackupFile> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(Directory())) {
     if (auto file = Find(entry.path())) files.push_back(*std::move(file));
   }
   std::sort(files.begin(), files.end(), [](const BackupFile& a, const BackupFile& b) {
@@ -75,15 +73,14 @@ std::vector<BackupFile> Backups::List() const {
 }
 
 BackupFile Backups::Get(const std::string& name) const {
-  RequireDirectory();
-  const auto file = IsName(name) ? Find(directory_ / name) : std::nullopt;
+  const fs::path& directory = Directory();
+  const auto file = IsName(name) ? Find(directory / name) : std::nullopt;
   if (!file) ThrowNotFound();
   return *file;
 }
 
 std::shared_ptr<const BodyFile> Backups::Content(const std::string& name) const {
-  RequireDirectory();
-  if (!IsName(name)) ThrowNotFound();
+  Get(name);  // throws if it does not exist
   try {
     return std::make_shared<BodyFile>(directory_ / name);
   } catch (const Error& error) {
@@ -103,12 +100,12 @@ void Backups::Remove(const std::string& name) const {
 }
 
 JobStatus Backups::Add(JobStore& jobs, std::string name) const {
-  RequireDirectory();
+  const fs::path& directory = Directory();
   if (name.empty()) name = NameOfNow();
   if (!IsName(name)) {
     ThrowInvalid("name", "name must be at most 100 letters, digits, . _ - and end in \".db\".");
   }
-  if (fs::exists(fs::symlink_status(directory_ / name))) {
+  if (fs::exists(fs::symlink_status(directory / name))) {
     throw ProblemError("backup_exists", "A backup with this name exists. Choose another name.");
   }
   return jobs.Add("backup", "", Json{{"name", name}});
@@ -120,11 +117,11 @@ void Backups::RegisterJob(JobRunner& runner, Engine& engine) const {
     if (removed > 0) spdlog::info("removed {} incomplete backups", removed);
   }
   JobKind kind;
-  kind.run = [directory = directory_, &engine](const JobStatus& job, const JobContext&) {
+  kind.run = [this, &engine](const JobStatus& job, const JobContext&) {
     const std::string name = job.parameters.at("name");
-    if (directory.empty()) ThrowOff();
+    const fs::path path = Directory() / name;
     try {
-      engine.Backup(directory / name);
+      engine.Backup(path);
     } catch (const Error& error) {
       // The directory is gone, and the text would tell clients its location.
       if (error.code() != ErrorCode::kNotFound) throw;

@@ -40,11 +40,12 @@ class Backups {
   JobStatus Add(JobStore& jobs, std::string name) const;
 
   // Kind "backup". It is not resumed after a restart: it would copy a different state. Incomplete
-  // files are removed, here and before the next backup, once they are a minute old.
+  // files are removed, here and before the next backup, once they are a minute old. This must
+  // outlive the runner.
   void RegisterJob(JobRunner& runner, Engine& engine) const;
 
  private:
-  void RequireDirectory() const;
+  const std::filesystem::path& Directory() const;  // throws ProblemError "backups_off"
 
   const std::filesystem::path directory_;
 };

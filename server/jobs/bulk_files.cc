@@ -8,13 +8,12 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "descriptor/base/format_bytes.h"
 #include "descriptor/base/hex.h"
 #include "index/files/durable_file.h"
+#include "index/files/mapped_file.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -48,21 +47,6 @@ std::set<std::string> IdsInUse(const JobStore& jobs) {
 
 }  // namespace
 
-MappedFile::MappedFile(const fs::path& path) {
-  const FileHandle file(::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
-  if (!file.is_open()) ThrowErrno("cannot open", path);
-  struct stat info = {};
-  if (::fstat(file.get(), &info) != 0) ThrowErrno("cannot read", path);
-  size_ = static_cast<std::size_t>(info.st_size);
-  if (size_ == 0) return;
-  data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file.get(), 0);
-  if (data_ == MAP_FAILED) ThrowErrno("cannot read", path);
-}
-
-MappedFile::~MappedFile() {
-  if (data_ != nullptr) ::munmap(data_, size_);
-}
-
 fs::path BulkFiles::PathOf(const std::string& id) const {
   return fs::absolute(options_.database.string() + kMark + id);
 }
@@ -82,10 +66,9 @@ std::shared_ptr<BulkUpload> BulkFiles::Receive(std::uint64_t bytes) const {
   return std::make_shared<BulkUpload>(std::move(file), path, id, options_, std::move(slot));
 }
 
-std::unique_ptr<MappedFile> BulkFiles::Open(const std::string& id) const {
+std::shared_ptr<const std::string_view> BulkFiles::Open(const std::string& id) const {
   std::error_code ignored;
-  if (!IsId(id) || !fs::exists(PathOf(id), ignored)) return nullptr;
-  return std::make_unique<MappedFile>(PathOf(id));
+  return IsId(id) && fs::exists(PathOf(id), ignored) ? MapFile(PathOf(id)) : nullptr;
 }
 
 void BulkFiles::Remove(const std::string& id) const {
@@ -131,8 +114,8 @@ void BulkUpload::Append(std::string_view bytes) {
 }
 
 std::string_view BulkUpload::All() {
-  if (!mapped_) mapped_ = std::make_unique<MappedFile>(path_);
-  return mapped_->bytes();
+  if (!mapped_) mapped_ = MapFile(path_);
+  return *mapped_;
 }
 
 void BulkUpload::Sync() {

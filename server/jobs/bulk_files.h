@@ -23,22 +23,6 @@ struct BulkFileOptions {
   std::size_t max_item_bytes = 0;       // of one image, or line, in a body
 };
 
-// A file as memory, read from the disk on access. Immutable.
-class MappedFile {
- public:
-  // Throws as BulkFiles::Open.
-  explicit MappedFile(const std::filesystem::path& path);
-  ~MappedFile();
-  MappedFile(const MappedFile&) = delete;
-  MappedFile& operator=(const MappedFile&) = delete;
-
-  std::string_view bytes() const { return {static_cast<const char*>(data_), size_}; }
-
- private:
-  void* data_ = nullptr;
-  std::size_t size_ = 0;
-};
-
 // A body on its way from a client. Its file is removed with this, unless Keep() was called.
 class BulkUpload final : public BodySink {
  public:
@@ -61,7 +45,7 @@ class BulkUpload final : public BodySink {
   const std::shared_ptr<int> slot_;
   BodyFile file_;
   bool kept_ = false;
-  std::unique_ptr<MappedFile> mapped_;
+  std::shared_ptr<const std::string_view> mapped_;
 };
 
 // Thread-safe. Several servers may share the database, and so the files.
@@ -77,8 +61,8 @@ class BulkFiles {
   // Error kNoSpace, kReadOnly, kUnavailable "too_many_open_files", kInternal.
   std::shared_ptr<BulkUpload> Receive(std::uint64_t bytes) const;
 
-  // Null if the file does not exist. Throws likewise.
-  std::unique_ptr<MappedFile> Open(const std::string& id) const;
+  // Null if the file does not exist, else its content (MapFile). Throws likewise.
+  std::shared_ptr<const std::string_view> Open(const std::string& id) const;
   void Remove(const std::string& id) const;  // no matter whether it exists
 
   // Removes files of killed servers: files without an upload or an active job, once they are a

@@ -132,11 +132,16 @@ std::string Stem(const std::string& name) {
   return dot == std::string::npos || dot == 0 ? name : name.substr(0, dot);
 }
 
-std::optional<std::string> TextIn(Json& item, const char* name) {
-  const auto found = item.find(name);
-  if (found == item.end() || found->is_null()) return std::nullopt;
-  if (!found->is_string()) ThrowInvalid(name, std::string(name) + " must be text.");
-  return std::move(found->get_ref<std::string&>());
+// The JSON body of an upload.
+const Route& LineForm() {
+  static const Route form{
+      .name = "line",
+      .method = "POST",
+      .pattern = "/",
+      .body = BodyKind::kImageOrJson,
+      .parameters = {{"id", ""}, {"object", ""}, Parameter("metadata", "").Json(), {"source", ""}},
+      .handler = {}};
+  return form;
 }
 
 }  // namespace
@@ -279,38 +284,29 @@ BulkItem BulkItems::Item(std::size_t i) const {
 }
 
 BulkItem BulkItems::OfLine(std::string_view line) const {
-  Json json = ParseJson(std::string(line), "line");
-  for (const auto& [name, value] : json.items()) {
-    if (name != "image" && name != "image_url" && name != "id" && name != "object" &&
-        name != "metadata" && name != "source") {
-      throw ProblemError("unknown_parameter",
-                         "Unknown field '" + ToDisplayText(name.substr(0, 64)) +
-                             "'. A line takes image, image_url, id, object, metadata and source.",
-                         {.parameter = ToDisplayText(name.substr(0, 64))});
-    }
-  }
-  const auto image = TextIn(json, "image");
-  BulkItem item;
-  item.url = TextIn(json, "image_url");
-  if (image && item.url) ThrowInvalid("image_url", "image and image_url cannot be combined.");
-  if (!image && !item.url) {
+  Request upload;
+  upload.content_type = "application/json";
+  upload.body = line;
+  const Parameters parameters(LineForm(), upload, "line");
+  const ImageText* image = parameters.Image();
+  if (image == nullptr) {
     throw ProblemError("missing_parameter", "image or image_url is required.",
                        {.parameter = "image"});
   }
-  if (image) {
+  BulkItem item;
+  item.url = image->url;
+  if (image->base64) {
     auto decoded = std::make_shared<std::vector<std::uint8_t>>();
-    if (!Base64Decode(*image, decoded.get())) ThrowInvalid("image", "image must be valid base64.");
+    if (!Base64Decode(*image->base64, decoded.get())) {
+      ThrowInvalid("image", "image must be valid base64.");
+    }
     item.request.bytes = *decoded;
     item.decoded = std::move(decoded);
   }
-  item.request.id = TextIn(json, "id");
-  item.request.object = TextIn(json, "object").value_or(defaults_.object);
-  item.request.source = TextIn(json, "source").value_or("");
-  item.request.metadata = defaults_.metadata;
-  if (const auto metadata = json.find("metadata"); metadata != json.end()) {
-    if (!metadata->is_object()) ThrowInvalid("metadata", "metadata must be a JSON object.");
-    item.request.metadata = ToText(*metadata);
-  }
+  item.request.id = parameters.Text("id");
+  item.request.object = parameters.Text("object").value_or(defaults_.object);
+  item.request.source = parameters.Text("source").value_or("");
+  item.request.metadata = parameters.Text("metadata").value_or(defaults_.metadata);
   return item;
 }
 

@@ -94,12 +94,12 @@ struct BulkImport {
 
   void Run() {
     std::size_t done = ReadBack();
-    std::unique_ptr<MappedFile> file;
+    std::shared_ptr<const std::string_view> file;
     std::optional<std::vector<std::uint8_t>> input;
     std::string_view body;
     if (!FileOf(job).empty()) {
       file = services.files.Open(FileOf(job));
-      if (file) body = file->bytes();
+      if (file) body = *file;
     } else {
       input = services.jobs.rows().JobInput(job.id);
       if (input) body = {reinterpret_cast<const char*>(input->data()), input->size()};

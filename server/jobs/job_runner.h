@@ -1,18 +1,18 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Does the jobs of this server, one of each kind at a time.
+// Does the jobs of this server, one of each kind at a time, and watches the jobs of other servers.
 #pragma once
 
+#include <chrono>
+#include <cstdint>
 #include <functional>
 #include <map>
-#include <memory>
 #include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "server/jobs/job_store.h"
-#include "server/jobs/job_watcher.h"
 
 namespace pliant::server {
 
@@ -35,6 +35,7 @@ struct JobKind {
 class JobRunner {
  public:
   static constexpr int kMaxAttempts = 3;  // limits how often a job can crash the server
+  static constexpr std::chrono::milliseconds kPollEvery{1'000};
 
   explicit JobRunner(JobStore& store) : store_(store) {}
   // Stops running jobs and waits for their end. Another server, or the next start, continues them.
@@ -47,6 +48,9 @@ class JobRunner {
   void Start();
 
  private:
+  // Reads what other servers changed: cancels own jobs on request, wakes waits for jobs of other
+  // servers, and adopts the jobs of dead servers.
+  void Poll();
   void Adopt(const JobRecord& record);  // restarts the job, or ends it if it cannot be restarted
   bool MayBegin(const JobStatus& status) const;
   void Run(const std::string& kind);
@@ -57,8 +61,11 @@ class JobRunner {
 
   JobStore& store_;
   std::map<std::string, JobKind> kinds_;  // not changed after Start()
-  std::unique_ptr<JobWatcher> watcher_;
   std::vector<std::thread> threads_;
+  // Of Poll():
+  std::int64_t seen_version_ = -1;  // of the database
+  bool others_work_ = false;        // another server has jobs that have not ended
+  bool reads_ = true;               // the last poll succeeded
 };
 
 }  // namespace pliant::server

@@ -130,21 +130,17 @@ std::optional<JobStatus> JobStore::AddNew(const std::string& kind, const std::st
       throw ProblemError("busy", "Too many jobs are waiting. Try again later.",
                          {.retry_after_s = 10});
     }
-    own_.push_back(job);  // before its row: else JobWatcher would adopt it as an unknown one
+    own_.push_back(job);  // before its row: else JobRunner would adopt it as an unknown one
   }
   bool saved = false;
-  const auto finish = [&] {
-    const std::lock_guard lock(mutex_);
-    job->waits = saved;
-    if (!saved) std::erase(own_, job);
-  };
-  try {
+  {
+    const std::shared_ptr<void> ending(nullptr, [&](void*) {
+      const std::lock_guard lock(mutex_);
+      job->waits = saved;
+      if (!saved) std::erase(own_, job);
+    });
     saved = save(ToRecord(added, rows_.Owner()));  // what is promised must survive
-  } catch (...) {
-    finish();
-    throw;
   }
-  finish();
   if (!saved) return std::nullopt;
   changed_.notify_all();
   return added;

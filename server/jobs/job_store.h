@@ -100,14 +100,14 @@ class JobStore {
   JobStatus Cancel(const std::string& id);
 
   // Calls `wake` when the job has ended or Stop() was called; see JobWaiters::Add(). Asks no
-  // database: the end of another server's job, or an earlier end, is noticed by JobWatcher.
+  // database: the end of another server's job, or an earlier end, is noticed by JobRunner.
   std::shared_ptr<void> WhenEnded(const std::string& id, JobWaiters::Wake wake) const;
   // True when that happened within the time. Throws ProblemError "job_not_found".
   bool WaitFor(const std::string& id, std::chrono::milliseconds timeout) const;
 
   ServiceStore& rows() const { return rows_; }
 
-  // For JobRunner and JobWatcher.
+  // For JobRunner.
 
   // A job of this server that has not ended, or whose end could not be written.
   struct OwnJob {
@@ -131,7 +131,7 @@ class JobStore {
   void SetSystemFiles(const OwnJobPtr& job, std::uint64_t files);
   // Writes the state; a failure is logged. False: it could not be written.
   bool Save(const OwnJobPtr& job, const JobStatus& status);
-  // Writes the state, then shows it, also if it could not be written; JobWatcher writes it later.
+  // Writes the state, then shows it, also if it could not be written; JobRunner writes it later.
   void Update(const OwnJobPtr& job, JobStatus status);
   void SaveEnds();                        // the ends that could not be written
   void CancelOwn(const std::string& id);  // no effect on jobs of other servers

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <exception>
 
+#include "descriptor/base/parallel.h"
 #include "server/http/problem.h"
 
 namespace pliant::server {
@@ -15,8 +16,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kLongestRetryAfterS = 60;
-
-int MachineCores() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
 }  // namespace
 
@@ -29,9 +28,7 @@ struct WorkerPool::Task {
 };
 
 WorkerPool::WorkerPool(WorkerPoolOptions options)
-    : options_(options),
-      cores_(options.cores > 0 ? options.cores : MachineCores()),
-      free_cores_(cores_) {
+    : options_(options), cores_(ResolveThreads(options.cores)), free_cores_(cores_) {
   for (int i = 0; i < cores_; ++i) threads_.emplace_back([this] { Work(); });
 }
 
@@ -64,13 +61,10 @@ void WorkerPool::Run(Lane lane, const std::function<void(int cores)>& work) {
   queue(lane).push_back(task);
   ++callers_;
   work_changed_.notify_all();  // a borrower of cores may be waiting on it too
-  try {
-    Await(lock, lane, task);
-  } catch (...) {
+  const std::shared_ptr<void> leaving(nullptr, [this](void*) {  // with the lock
     if (--callers_ == 0 && stopping_) task_changed_.notify_all();
-    throw;
-  }
-  if (--callers_ == 0 && stopping_) task_changed_.notify_all();
+  });
+  Await(lock, lane, task);
 }
 
 void WorkerPool::Await(std::unique_lock<std::mutex>& lock, Lane lane,

@@ -6,6 +6,8 @@
 #include <map>
 #include <set>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "descriptor/base/strings.h"
@@ -175,17 +177,52 @@ Json QueryParameter(const Parameter& parameter, bool only) {
   return json;
 }
 
-Json PathParameter(const std::string& name) {
-  static const std::map<std::string, std::string> meanings = {
-      {"c", "name of a collection"}, {"id", "id of an image or a job"},
-      {"o", "name of an object"},    {"v", "number of a vocabulary"},
-      {"b", "name of a backup"},     {"n", "number of an object"},
-      {"k", "id of a key"},          {"a", "name of an alias"}};
-  return {{"name", name},
+// A place in a path that takes a name, and what is on it in examples.
+struct Place {
+  std::string_view pattern;
+  const char* meaning;
+  const char* example;
+  const char* absent;  // the code for a name of nothing
+};
+constexpr Place kPlaces[] = {
+    {"/collections/{c}", "name of a collection", "default", "collection_not_found"},
+    {"/images/{id}", "id of an image", "$IMAGE", "image_not_found"},
+    {"/jobs/{id}", "id of a job", "$JOB", "job_not_found"},
+    {"/objects/{o}", "name of an object", "mug", "object_not_found"},
+    {"/vocabularies/{v}", "number of a vocabulary", "$VOCABULARY", "vocabulary_not_found"},
+    {"/backups/{b}", "name of a backup", "$BACKUP", "backup_not_found"},
+    {"/keys/{k}", "id of a key", "$KEY_ID", "key_not_found"},
+    {"/aliases/{a}", "name of an alias", "live", "alias_not_found"}};
+
+// The places of the route's path, each with its position there.
+std::vector<std::pair<std::size_t, const Place*>> PlacesOf(const Route& route) {
+  std::vector<std::pair<std::size_t, const Place*>> places;
+  for (const Place& place : kPlaces) {
+    const std::size_t at = route.pattern.find(place.pattern);
+    if (at != std::string::npos) places.emplace_back(at, &place);
+  }
+  std::sort(places.begin(), places.end());
+  return places;
+}
+
+Json PathParameter(const Place& place) {
+  const std::size_t open = place.pattern.find('{');
+  return {{"name", std::string(place.pattern.substr(open + 1, place.pattern.size() - open - 2))},
           {"in", "path"},
           {"required", true},
-          {"description", meanings.at(name)},
+          {"description", place.meaning},
           {"schema", {{"type", "string"}}}};
+}
+
+std::string ExampleOf(const Route& route) {
+  if (!route.example.empty()) return route.example;
+  std::string path = route.pattern;
+  for (const auto& [at, place] : PlacesOf(route)) {
+    const std::string_view capture = place->pattern.substr(place->pattern.find('{'));
+    path.replace(path.find(capture), capture.size(), place->example);
+  }
+  return "curl " + (route.method == "GET" ? "" : "-X " + route.method + " ") + "\"$PLIANT" + path +
+         "\"";
 }
 
 Json Properties(const Route& route) {
@@ -303,11 +340,7 @@ Json Operation(const Route& route) {
   Json operation = {
       {"operationId", route.name}, {"summary", route.summary}, {"tags", {TagOf(route)}}};
   Json parameters = Json::array();
-  for (const std::string& segment : SplitPath(route.pattern)) {
-    if (segment.starts_with('{')) {
-      parameters.push_back(PathParameter(segment.substr(1, segment.size() - 2)));
-    }
-  }
+  for (const auto& [at, place] : PlacesOf(route)) parameters.push_back(PathParameter(*place));
   for (const Parameter& parameter : route.parameters) {
     parameters.push_back(QueryParameter(parameter, route.body == BodyKind::kNone));
   }
@@ -331,9 +364,7 @@ Json Operation(const Route& route) {
     operation["security"] = {{{"bearer", Json::array()}}, {{"header", Json::array()}}};
   }
   operation["x-scope"] = ScopeName(route.scope);
-  if (!route.example.empty()) {
-    operation["x-codeSamples"] = {{{"lang", "Shell"}, {"source", route.example}}};
-  }
+  operation["x-codeSamples"] = {{{"lang", "Shell"}, {"source", ExampleOf(route)}}};
   return operation;
 }
 
@@ -352,9 +383,11 @@ std::set<std::string> RouteCodes(const Route& route) {
   }
   if (HasEtag(route)) codes.insert("precondition_failed");
   if (route.needs_index) codes.insert({"starting", "stopping"});
-  const bool in_collection = route.pattern.starts_with("/v1/collections/{c}");
-  const bool makes_it = route.pattern == "/v1/collections/{c}" && route.method == "PUT";
-  if (in_collection && !makes_it) codes.insert("collection_not_found");
+  for (const auto& [at, place] : PlacesOf(route)) {
+    const bool makes_it = route.method == "PUT" && route.pattern.ends_with(place->pattern);
+    if (!makes_it) codes.insert(place->absent);
+  }
+  if (route.pattern.starts_with("/v1/backups")) codes.insert("backups_off");
   codes.insert(route.codes.begin(), route.codes.end());
   return codes;
 }

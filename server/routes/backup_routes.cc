@@ -49,37 +49,28 @@ void AddBackupRoutes(RouteTable& table) {
   table.Add("POST /v1/backups", "backups.create", Create)
       .Summary("Copy the database to a file in --backup-dir while the server runs")
       .Needs(Scope::kAdmin)
-      .Body(BodyKind::kJson)
       .Takes({{"name", "name of the file, ending in .db; by default made from the time"}})
       .Answers(202, "the job; Location has its address", "Job")
-      .Codes({"backups_off", "backup_exists"})
-      .Example(R"(curl -X POST "$PLIANT/v1/backups")");
+      .Codes({"backup_exists"});
   table.Add("GET /v1/backups", "backups.list", List)
       .Summary("List the backups in --backup-dir, newest first")
       .Needs(Scope::kAdmin)
-      .Answers(200, "all backups", "BackupList")
-      .Codes({"backups_off"})
-      .Example(R"(curl "$PLIANT/v1/backups")");
+      .Answers(200, "all backups", "BackupList");
   table.Add("GET /v1/backups/{b}", "backups.get", Get)
       .Summary("Get the size and the time of one backup")
       .Needs(Scope::kAdmin)
-      .Answers(200, "the backup", "Backup")
-      .Codes({"backups_off", "backup_not_found"})
-      .Example(R"(curl "$PLIANT/v1/backups/$BACKUP")");
+      .Answers(200, "the backup", "Backup");
   table.Add("GET /v1/backups/{b}/content", "backups.content", Content)
       .Summary("Download a backup, or a range of its bytes")
       .Needs(Scope::kAdmin)
       .Sends(kFileType, "the file, with ETag")
       .Sends(kFileType, "the bytes that Range asks for", 206)
       .AnswersNotModified()
-      .Codes({"backups_off", "backup_not_found"})
       .Example(R"(curl -o copy.db "$PLIANT/v1/backups/$BACKUP/content")");
   table.Add("DELETE /v1/backups/{b}", "backups.delete", Delete)
       .Summary("Delete a backup")
       .Needs(Scope::kAdmin)
-      .Answers(204, "deleted")
-      .Codes({"backups_off", "backup_not_found"})
-      .Example(R"(curl -X DELETE "$PLIANT/v1/backups/$BACKUP")");
+      .Answers(204, "deleted");
 }
 
 }  // namespace pliant::server

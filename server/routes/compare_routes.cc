@@ -66,8 +66,7 @@ Response Compare(Service& service, const Request& request, const Parameters& par
   service.pool.Run(WorkerPool::Lane::kSearch, [&](int cores) {
     comparison = service.engine().Compare(images[0].bytes, images[1].bytes, cores);
   });
-  const bool explain = parameters.Get<bool>("explain").value_or(false);
-  return JsonResponse(ComparisonJson(comparison, watch.ms(), explain));
+  return JsonResponse(ComparisonJson(comparison, watch.ms(), parameters.Value<bool>("explain")));
 }
 
 }  // namespace
@@ -77,6 +76,7 @@ void AddCompareRoutes(RouteTable& table) {
       .Summary(
           "Compare two images: whether they show the same object, and where it is in the second. "
           "The server stores neither image")
+      .Needs(Scope::kRead)
       .Body(BodyKind::kPair)
       .Takes({Parameter("first", "the first image, unless a form field image has it").Image(),
               Parameter("second", "the second image, likewise").Image(),

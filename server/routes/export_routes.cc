@@ -78,15 +78,14 @@ void AddExportRoutes(RouteTable& table) {
               OfObjectParameter(), FilterParameter(), TextParameter()})
       .Sends(kNdjsonType, "lines, each an Image")
       .Sends(kCsvType, "a table that images:import accepts")
-      .Codes({"busy", "no_space", "read_only"})
-      .Example(R"(curl "$PLIANT/v1/collections/default/export")");
+      .Codes({"no_space", "read_only"});
   table.Add("GET /v1/collections/{c}/features", "collections.features", ExportFeatures)
       .Summary("Export the features of images as an archive for NumPy, ordered by id")
       .Takes({Parameter("format", "npz: for numpy.load").Choice({"npz"}).Default("npz"),
               OfObjectParameter(), FilterParameter(), TextParameter()})
       .Sends(kNpzType,
              "arrays keypoints, descriptors, starts, names (ids), objects, width, height, model_id")
-      .Codes({"busy", "no_space", "read_only"})
+      .Codes({"no_space", "read_only"})
       .Example(R"(curl -o features.npz "$PLIANT/v1/collections/default/features")");
 }
 

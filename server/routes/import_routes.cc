@@ -21,7 +21,7 @@ Response Import(Service& service, const Request& request, const Parameters& para
   }
   const BulkDefaults defaults{.object = parameters.Text("object").value_or(""),
                               .metadata = parameters.Text("metadata").value_or("{}"),
-                              .object_from = parameters.Text("object_from").value_or("auto")};
+                              .object_from = parameters.Value<std::string>("object_from")};
   if (!request.received) {  // the body waits in the database
     RequireDiskSpace(FolderOf(service.options.engine.database), request.body.size(),
                      service.options.engine.reserve_bytes);
@@ -42,7 +42,7 @@ Response ImportFolder(Service& service, const Request& request, const Parameters
   const std::string folder = parameters.Text("folder").value_or("");
   ResolveImportFolder(service.options.import_dir, folder);  // throws now, not in the job
   return JobResponse(AddImportJob(*service.jobs, collection, folder,
-                                  parameters.Text("object_from").value_or("auto")));
+                                  parameters.Value<std::string>("object_from")));
 }
 
 Response GetDemonstration(Service& service, const Request& request, const Parameters&) {
@@ -75,7 +75,6 @@ void AddImportRoutes(RouteTable& table) {
       .Summary(
           "Add many images in the background, from lines of JSON with base64 or a TAR archive; or "
           "change names and labels of stored images by a CSV table")
-      .Needs(Scope::kWrite)
       .Body(BodyKind::kBulk)
       .Takes(
           {{"object", "object of all images; a line of JSON can name another one"},
@@ -91,7 +90,6 @@ void AddImportRoutes(RouteTable& table) {
   table.Add("POST /v1/collections/{c}/imports", "imports.create", ImportFolder)
       .Summary("Add the images of a folder on the server, in the background")
       .Needs(Scope::kAdmin)
-      .Body(BodyKind::kJson)
       .Takes(
           {Parameter("folder", "path below --import-dir; \".\" is the whole directory").Required(),
            ObjectFromParameter("source of the object's name; auto: folder if there are subfolders, "
@@ -102,12 +100,9 @@ void AddImportRoutes(RouteTable& table) {
                R"("$PLIANT/v1/collections/default/imports")");
   table.Add("GET /v1/collections/{c}/demo", "demo.get", GetDemonstration)
       .Summary("List the demonstration objects, and whether the collection has them")
-      .Answers(200, "all demonstration objects", "Demo")
-      .Example(R"(curl "$PLIANT/v1/collections/default/demo")");
+      .Answers(200, "all demonstration objects", "Demo");
   table.Add("POST /v1/collections/{c}/demo", "demo.load", LoadDemonstration)
       .Summary("Add the demonstration objects, in the background")
-      .Needs(Scope::kWrite)
-      .Body(BodyKind::kJson)
       .Answers(202, "the job; Location has its address", "Job")
       .Example(R"(curl -X POST "$PLIANT/v1/collections/toys/demo")");
 }

@@ -35,7 +35,7 @@ Response List(Service& service, const Request& request, const Parameters& parame
   const std::string identity =
       ToText(Json::array({"jobs", state.value_or(""), collection.value_or("")}));
   const std::string after = AfterFromCursor(parameters, identity);
-  const auto limit = static_cast<std::size_t>(PageLimit(parameters));
+  const auto limit = parameters.Value<std::size_t>("limit");
   const std::vector<JobStatus> jobs = service.jobs->List();
   auto job = jobs.begin();
   if (!after.empty()) {
@@ -59,7 +59,7 @@ Response List(Service& service, const Request& request, const Parameters& parame
 Response Get(Service& service, const Request& request, const Parameters& parameters) {
   JobStore& jobs = *service.jobs;
   const JobStatus job = JobOf(jobs, request);
-  const std::chrono::duration<double> patience(parameters.Get<double>("wait").value_or(0));
+  const std::chrono::duration<double> patience(parameters.Value<double>("wait"));
   if (patience.count() == 0 || request.waited || !IsActive(job.state)) {
     return JsonResponse(JobJson(job));
   }
@@ -74,7 +74,7 @@ Response Items(Service& service, const Request& request, const Parameters& param
   const std::string id = JobOf(*service.jobs, request).id;
   const std::string identity = ToText(Json::array({"job_items", id}));
   const std::string after = AfterFromCursor(parameters, identity);
-  const auto limit = static_cast<std::size_t>(PageLimit(parameters));
+  const auto limit = parameters.Value<std::size_t>("limit");
   const auto first = NumberOf<std::uint32_t>(after.empty() ? "0" : after);
   if (!first) ThrowInvalidCursor();
   std::vector<std::string> texts =
@@ -106,28 +106,21 @@ void AddJobRoutes(RouteTable& table) {
               Parameter("state", "only jobs in this state")
                   .Choice({"queued", "running", "done", "failed", "cancelled"}),
               CursorParameter(), LimitParameter()})
-      .Answers(200, "a page of jobs", "JobList")
-      .Example(R"(curl "$PLIANT/v1/jobs")");
+      .Answers(200, "a page of jobs", "JobList");
   table.Add("GET /v1/jobs/{id}", "jobs.get", Get)
       .Summary("Get the state of a job; with `wait`, wait until the job has ended")
       .Takes({Parameter("wait", "seconds to wait for the end of the job")
                   .Number(0, kLongestWaitS)
                   .Default("0")})
       .Answers(200, "the job", "Job")
-      .Codes({"job_not_found"})
       .Example(R"(curl "$PLIANT/v1/jobs/$JOB?wait=10")");
   table.Add("GET /v1/jobs/{id}/items", "jobs.items", Items)
       .Summary("List the results of each item of a job, page by page")
       .Takes({CursorParameter(), LimitParameter()})
-      .Answers(200, "a page; empty for jobs without items", "JobItems")
-      .Codes({"job_not_found"})
-      .Example(R"(curl "$PLIANT/v1/jobs/$JOB/items")");
+      .Answers(200, "a page; empty for jobs without items", "JobItems");
   table.Add("DELETE /v1/jobs/{id}", "jobs.cancel", Cancel)
       .Summary("Cancel a job; a job that has ended does not change")
-      .Needs(Scope::kWrite)
-      .Answers(202, "the job; it ends soon if it has not ended yet", "Job")
-      .Codes({"job_not_found"})
-      .Example(R"(curl -X DELETE "$PLIANT/v1/jobs/$JOB")");
+      .Answers(202, "the job; it ends soon if it has not ended yet", "Job");
 }
 
 }  // namespace pliant::server

@@ -14,7 +14,6 @@ namespace pliant::server {
 
 namespace {
 
-constexpr int kDefaultPage = 50;
 constexpr int kLargestPage = 500;
 
 std::vector<std::string> FacetsOf(const Parameters& parameters) {
@@ -33,10 +32,6 @@ Parameter CursorParameter() { return {"cursor", "`next` of the previous page"}; 
 
 Parameter LimitParameter() {
   return Parameter("limit", "entries per page").Integer(1, kLargestPage).Default("50");
-}
-
-int PageLimit(const Parameters& parameters) {
-  return static_cast<int>(parameters.Get<std::int64_t>("limit").value_or(kDefaultPage));
 }
 
 Json CursorJson(const std::string& list, const std::optional<std::string>& after) {
@@ -103,19 +98,11 @@ std::vector<Parameter> ListParameters(const std::vector<std::string>& orders) {
       LimitParameter()};
 }
 
-Filter FilterOf(const std::string& text) {
-  try {
-    return ParseFilter(text);
-  } catch (const Error& error) {
-    ThrowInvalid("filter", error.what());
-  }
-}
-
 Selection SelectionOf(const Parameters& parameters, const std::string& collection) {
   Selection which;
   which.collection = collection;
   if (parameters.takes("object")) which.object = parameters.Text("object");
-  if (const auto filter = parameters.Text("filter")) which.filter = FilterOf(*filter);
+  if (const auto filter = parameters.Text("filter")) which.filter = ParseFilter(*filter);
   which.text = parameters.Text("q").value_or("");
   if (which.text.size() > kMaxTextBytes) {
     ThrowInvalid("q", "q can have at most " + std::to_string(kMaxTextBytes) + " bytes.");
@@ -135,10 +122,10 @@ std::string ListIdentity(const char* list, const Selection& which, const Paramet
 
 PageOptions PageOptionsOf(const Parameters& parameters, const std::string& identity) {
   PageOptions page;
-  page.limit = PageLimit(parameters);
+  page.limit = parameters.Value<int>("limit");
   page.descending = parameters.Text("sort").value_or("").starts_with('-');
   page.after = AfterFromCursor(parameters, identity);
-  page.count = parameters.Get<bool>("count").value_or(false);
+  page.count = parameters.Value<bool>("count");
   page.facets = FacetsOf(parameters);
   return page;
 }

@@ -20,7 +20,6 @@ namespace pliant::server {
 
 Parameter CursorParameter();
 Parameter LimitParameter();
-int PageLimit(const Parameters& parameters);
 
 // A cursor holds the list that it belongs to and the position after which the next page begins; no
 // position: null.
@@ -39,10 +38,8 @@ Parameter OfObjectParameter();  // "object"
 // the default first; a minus reverses the order.
 std::vector<Parameter> ListParameters(const std::vector<std::string>& orders);
 
-// Throws ProblemError "invalid_parameter" for "filter", with the position of the mistake.
-Filter FilterOf(const std::string& text);
-
-// "object", "filter" and "q", as far as the route has them.
+// "object", "filter" and "q", as far as the route has them. Throws ProblemError
+// "invalid_parameter", and what ParseFilter throws.
 Selection SelectionOf(const Parameters& parameters, const std::string& collection);
 
 template <typename Order>

@@ -39,34 +39,22 @@ double ResidentBytes() {
 std::optional<EngineStats> StoreFigures::Get() {
   if (!on_server_) return engine_.Stats();
   std::unique_lock lock(mutex_);
-  const Clock::time_point start = Clock::now();
-  if (start - asked_at_ > kFresh) {
-    wanted_ = true;
-    changed_.notify_all();
-    if (!reader_.joinable()) {
-      reader_ = std::jthread([this](const std::stop_token& stop) { Read(stop); });
-    }
-    changed_.wait_for(lock, kMostWait, [&] { return asked_at_ >= start; });
+  if (!asked_.valid() && Clock::now() - answered_at_ > kFresh) {
+    asked_ = std::async(std::launch::async, [this] { return engine_.Stats(); }).share();
   }
-  return stats_;
-}
-
-void StoreFigures::Read(const std::stop_token& stop) {
-  std::unique_lock lock(mutex_);
-  while (changed_.wait(lock, stop, [this] { return wanted_; })) {
-    wanted_ = false;
-    lock.unlock();
-    std::optional<EngineStats> stats;
+  const std::shared_future<EngineStats> asked = asked_;
+  lock.unlock();
+  if (asked.valid()) asked.wait_for(kMostWait);
+  lock.lock();
+  if (asked_.valid() && asked_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
     try {
-      stats = engine_.Stats();
+      stats_ = std::exchange(asked_, {}).get();
     } catch (const std::exception& error) {
       spdlog::warn("cannot read the statistics of the database: {}", error.what());
     }
-    lock.lock();
-    if (stats) stats_ = std::move(stats);
-    asked_at_ = Clock::now();
-    changed_.notify_all();
+    answered_at_ = Clock::now();
   }
+  return stats_;
 }
 
 class Metrics::Impl {

@@ -4,13 +4,12 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
+#include <future>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "index/engine/engine.h"
 #include "server/decoder/decoder_process.h"
@@ -21,7 +20,7 @@
 namespace pliant::server {
 
 // The figures of the database. Get() reads a file each time. A database server can be slow or gone:
-// a thread asks it, at most every few seconds, and Get() does not wait long. Thread-safe. The
+// another thread asks it, at most every few seconds, and Get() does not wait long. Thread-safe. The
 // engine must outlive it.
 class StoreFigures {
  public:
@@ -34,16 +33,12 @@ class StoreFigures {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void Read(const std::stop_token& stop);
-
   Engine& engine_;
   const bool on_server_;
   std::mutex mutex_;  // guards what follows
-  std::condition_variable_any changed_;
-  bool wanted_ = false;
   std::optional<EngineStats> stats_;
-  Clock::time_point asked_at_;  // time of the last answer or failure
-  std::jthread reader_;         // after the first Get
+  Clock::time_point answered_at_;          // time of the last answer or failure
+  std::shared_future<EngineStats> asked_;  // valid while the database is asked
 };
 
 // Values at the time of the request.

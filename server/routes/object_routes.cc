@@ -84,10 +84,9 @@ Response Patch(Service& service, const Request& request, const Parameters& param
     throw ProblemError("missing_parameter", "object is required: the new name.",
                        {.parameter = "object"});
   }
-  if (name->empty()) ThrowInvalid("object", "object must not be empty.");
   ObjectChange change;
   change.name = *name;
-  change.merge = parameters.Get<bool>("merge").value_or(false);
+  change.merge = parameters.Value<bool>("merge");
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));
   };
@@ -108,33 +107,27 @@ void AddObjectRoutes(RouteTable& table) {
   table.Add("GET /v1/collections/{c}/objects/{o}", "objects.get", Get)
       .Summary("Get one object and its number of images")
       .Answers(200, "the object, with ETag", "Object")
-      .AnswersNotModified()
-      .Codes({"object_not_found"})
-      .Example(R"(curl "$PLIANT/v1/collections/default/objects/mug")");
+      .AnswersNotModified();
   table.Add("PATCH /v1/collections/{c}/objects/{o}", "objects.patch", Patch)
       .Summary("Rename an object in all its images")
-      .Needs(Scope::kWrite)
       .Patches("ObjectPatch")
       .Takes({Parameter("merge", "merge with an existing object of that name")
                   .Boolean()
                   .Default("false")})
       .TakesIfMatch()
       .Answers(200, "the object after the change", "Object")
-      .Codes({"object_not_found", "object_exists"})
+      .Codes({"object_exists"})
       .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
                R"(-d '{"object": "tea mug"}' "$PLIANT/v1/collections/default/objects/mug")");
   table.Add("DELETE /v1/collections/{c}/objects/{o}", "objects.delete", Delete)
       .Summary("Delete all images of an object")
-      .Needs(Scope::kWrite)
       .TakesIfMatch()
-      .Answers(200, "the number of deleted images", "ObjectDeleted")
-      .Codes({"object_not_found"})
-      .Example(R"(curl -X DELETE "$PLIANT/v1/collections/default/objects/mug")");
+      .Answers(200, "the number of deleted images", "ObjectDeleted");
   table.Add("POST /v1/collections/{c}/objects/{o}/locate", "objects.locate", Locate)
       .Summary("Locate the object in the uploaded photo")
+      .Needs(Scope::kRead)
       .Body(BodyKind::kImageOrJson)
       .Answers(200, "the outline, or that the photo does not show the object", "Location")
-      .Codes({"object_not_found"})
       .Example(R"(curl -F image=@mug.png )"
                R"("$PLIANT/v1/collections/default/objects/mug/locate")");
 }

@@ -20,7 +20,8 @@ using ServiceHandler = Response (*)(Service&, const Request&, const Parameters&)
 //   table.Add("GET /v1/aliases/{a}", "aliases.get", GetAlias)
 //       .Summary("Get one alias")
 //       .Answers(200, "the alias", "Alias");
-// By default a route needs the scope read and takes no body.
+// By default a GET needs the scope read, and other methods need write; a POST takes parameters as
+// JSON, and other methods take no body; the example is the request alone, as curl sends it.
 class RouteTable {
  public:
   // `service` must outlive the routes.
@@ -31,9 +32,12 @@ class RouteTable {
   }
   RouteTable& Add(const std::string& route, const char* name, Handler handler) {
     const std::size_t space = route.find(' ');
+    const std::string method = route.substr(0, space);
     routes_.push_back({.name = name,
-                       .method = route.substr(0, space),
+                       .method = method,
                        .pattern = route.substr(space + 1),
+                       .scope = method == "GET" ? Scope::kRead : Scope::kWrite,
+                       .body = method == "POST" ? BodyKind::kJson : BodyKind::kNone,
                        .handler = std::move(handler)});
     return *this;
   }

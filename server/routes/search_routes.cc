@@ -74,7 +74,7 @@ std::vector<Parameter> SearchParameters() {
           .Integer(0, kMostExpansions),
       Parameter("instances", "maximum number of instances of one object in the photo")
           .Integer(1, kMostInstances)
-          .Default("4"),
+          .Default("20"),
       Parameter(
           "closer_look",
           "if nothing is found, search again in a second pass at high resolution and return the "
@@ -108,8 +108,8 @@ Region RegionOf(const std::vector<double>& numbers) {
 SearchOptions OptionsOf(const Parameters& parameters, const std::string& collection) {
   SearchOptions options;
   options.collection = collection;
-  options.limit = static_cast<std::size_t>(parameters.Get<std::int64_t>("limit").value_or(10));
-  options.offset = static_cast<std::size_t>(parameters.Get<std::int64_t>("offset").value_or(0));
+  options.limit = parameters.Value<std::size_t>("limit");
+  options.offset = parameters.Value<std::size_t>("offset");
   options.group_by =
       parameters
           .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
@@ -122,18 +122,17 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
                        .Choice<Verification>(
                            "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
                        .value_or(options.verify);
-  options.min_score = parameters.Get<double>("min_score").value_or(0);
+  options.min_score = parameters.Value<double>("min_score");
   options.object = parameters.Text("object");
   options.verify_depth =
       static_cast<std::size_t>(parameters.Get<std::int64_t>("verify_depth").value_or(0));
   if (const auto expand = parameters.Get<std::int64_t>("expand")) {
     options.expand = static_cast<int>(*expand);
   }
-  options.max_instances =
-      static_cast<int>(parameters.Get<std::int64_t>("instances").value_or(options.max_instances));
-  if (const auto filter = parameters.Text("filter")) options.filter = FilterOf(*filter);
-  options.explain = parameters.Get<bool>("explain").value_or(options.explain);
-  options.second_pass = parameters.Get<bool>("closer_look").value_or(options.second_pass);
+  options.max_instances = parameters.Value<int>("instances");
+  if (const auto filter = parameters.Text("filter")) options.filter = ParseFilter(*filter);
+  options.explain = parameters.Value<bool>("explain");
+  options.second_pass = parameters.Value<bool>("closer_look");
   if (const auto numbers = parameters.Get<std::vector<double>>("region"))
     options.region = RegionOf(*numbers);
   return options;
@@ -175,8 +174,7 @@ SearchQuery SearchQueryOf(const Request& request, const Parameters& parameters,
     ThrowInvalid("region", "region cannot be combined with image_ids.");
   }
   if (query.image_id) {
-    if (parameters.Get<bool>("exclude_self").value_or(true))
-      query.options.without = {*query.image_id};
+    if (parameters.Value<bool>("exclude_self")) query.options.without = {*query.image_id};
   } else if (parameters.has("exclude_self")) {
     ThrowInvalid("exclude_self", "exclude_self needs image_id.");
   }
@@ -273,8 +271,8 @@ std::string Preview(Service& service, const SearchQuery& query) {
 
 Response Search(Service& service, const Request& request, const Parameters& parameters) {
   const Stopwatch watch;
-  const bool draws = parameters.Get<bool>("draw").value_or(false);
-  const bool previews = parameters.Get<bool>("preview").value_or(false);
+  const bool draws = parameters.Value<bool>("draw");
+  const bool previews = parameters.Value<bool>("preview");
   // The search resolves the name. A stored query image is read after it, from the same collection.
   const bool reads_stored = parameters.has("image_id") && (draws || previews);
   const SearchQuery query = SearchQueryOf(
@@ -356,6 +354,7 @@ void AddSearchRoutes(RouteTable& table) {
                            .Default("false"));
   table.Add("POST /v1/collections/{c}/search", "search", Search)
       .Summary("Find the object that an image shows")
+      .Needs(Scope::kRead)
       .Body(BodyKind::kImageOrJson)
       .Takes(std::move(parameters))
       .Answers(200, "hits, best first", "SearchAnswer")
@@ -366,7 +365,7 @@ void AddSearchRoutes(RouteTable& table) {
                R"("$PLIANT/v1/collections/default/search")");
   table.Add("POST /v1/collections/{c}/search:batch", "search.batch", SearchBatch)
       .Summary("Run several searches; each gets its own answer or problem")
-      .Body(BodyKind::kJson)
+      .Needs(Scope::kRead)
       .Takes({Parameter("searches",
                         "up to 100 objects, each with the parameters of a search, and image_id, "
                         "image_ids, image (base64) or image_url")

@@ -91,19 +91,16 @@ void AddServerRoutes(RouteTable& table) {
       .Summary("Check that the process runs")
       .Needs(Scope::kPublic)
       .Answers(200, "the process runs", "Status")
-      .Example(R"(curl "$PLIANT/livez")")
       .WithoutIndex();
   table.Add("GET /readyz", "readyz", Ready)
       .Summary("Check that the index is loaded and the database answers")
       .Needs(Scope::kPublic)
       .Answers(200, "the server is ready", "Status")
       .Codes({"starting"})
-      .Example(R"(curl "$PLIANT/readyz")")
       .WithoutIndex();
   table.Add("GET /metrics", "metrics", MetricsText)
       .Summary("Get counters and histograms for Prometheus")
       .Sends("text/plain", "the text exposition format")
-      .Example(R"(curl "$PLIANT/metrics")")
       .WithoutIndex();
 }
 
@@ -122,7 +119,6 @@ void AddDocumentRoute(RouteTable& table) {
       .Needs(Scope::kPublic)
       .Sends("application/json", "an OpenAPI 3.1 document, with ETag")
       .AnswersNotModified()
-      .Example(R"(curl "$PLIANT/v1/openapi.json")")
       .WithoutIndex();
   *document = OpenApiDocument(table.routes());  // with this route
   *answer = TaggedResponse(*document);

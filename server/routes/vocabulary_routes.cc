@@ -33,10 +33,9 @@ Response Train(Service& service, const Request& request, const Parameters& param
   options.words = static_cast<int>(parameters.Get<std::int64_t>("words").value_or(options.words));
   options.sample =
       static_cast<int>(parameters.Get<std::int64_t>("sample").value_or(options.sample));
-  options.seed = static_cast<std::uint64_t>(
-      parameters.Get<std::int64_t>("seed").value_or(static_cast<std::int64_t>(options.seed)));
-  return JobResponse(AddTrainingJob(*service.jobs, options,
-                                    /*activate=*/parameters.Get<bool>("activate").value_or(true)));
+  options.seed = parameters.Value<std::uint64_t>("seed");
+  return JobResponse(
+      AddTrainingJob(*service.jobs, options, /*activate=*/parameters.Value<bool>("activate")));
 }
 
 [[noreturn]] void ThrowNoVocabulary(const std::string& id) {
@@ -69,8 +68,6 @@ Response Activate(Service& service, const Request& request, const Parameters&) {
 void AddVocabularyRoutes(RouteTable& table) {
   table.Add("POST /v1/collections/{c}/vocabularies", "vocabularies.train", Train)
       .Summary("Train a vocabulary from the stored images, in the background")
-      .Needs(Scope::kWrite)
-      .Body(BodyKind::kJson)
       .Takes(
           {Parameter("words", "number of visual words; by default a tenth of the sample")
                .Integer(2, kMostWords),
@@ -84,21 +81,16 @@ void AddVocabularyRoutes(RouteTable& table) {
                .Boolean()
                .Default("true")})
       .Answers(202, "the job; Location has its address", "Job")
-      .Codes({"busy"})
       .Example(R"(curl -H "Content-Type: application/json" -d '{"words": 20}' )"
                R"("$PLIANT/v1/collections/default/vocabularies")");
   table.Add("GET /v1/collections/{c}/vocabularies", "vocabularies.list", List)
       .Summary("List the vocabularies of a collection, oldest first")
-      .Answers(200, "all vocabularies", "VocabularyList")
-      .Example(R"(curl "$PLIANT/v1/collections/default/vocabularies")");
+      .Answers(200, "all vocabularies", "VocabularyList");
   table.Add("PUT /v1/collections/{c}/vocabularies/{v}/active", "vocabularies.activate", Activate)
       .Summary("Activate this vocabulary")
-      .Needs(Scope::kWrite)
       .Answers(200, "the vocabulary, now active", "Vocabulary")
       .Answers(202, "the job, if many images need their visual words first", "Job")
-      .Codes({"vocabulary_not_found", "model_mismatch"})
-      .Example(R"(curl -X PUT )"
-               R"("$PLIANT/v1/collections/default/vocabularies/$VOCABULARY/active")");
+      .Codes({"model_mismatch"});
 }
 
 }  // namespace pliant::server

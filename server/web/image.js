@@ -39,14 +39,9 @@ function setFull(on) {
 }
 byId("image-full").addEventListener("click", () => setFull(!byId("image-frame").classList.contains("full")));
 
-const kEndings = {
-  "image/jpeg": "jpg", "image/png": "png", "image/webp": "webp", "image/bmp": "bmp", "image/tiff": "tiff", "image/gif": "gif", "image/heic": "heic",
-  "image/avif": "avif",
-};
-
 function downloadLink(image) {
-  const ending = kEndings[image.media_type];
-  const name = image.source || (ending ? `${image.id}.${ending}` : image.id);
+  const [kind, type] = image.media_type.split("/");
+  const name = image.source || (kind === "image" ? `${image.id}.${type.replace("jpeg", "jpg")}` : image.id);
   return api.downloadLink(api.imagePath(image.id, "/content"), name, byId("image-status"), { class: "button" });
 }
 

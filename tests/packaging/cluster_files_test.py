@@ -17,6 +17,7 @@ import urllib.parse
 import yaml
 
 DOCKER = pathlib.Path(__file__).resolve().parent.parent.parent / "docker"
+LOCAL = DOCKER.parent / "tests" / "postgres" / "cluster_local.sh"  # DOCKER / LOCAL is LOCAL
 SERVICE_KEYS = {"image", "build", "command", "entrypoint", "environment", "depends_on", "ports", "volumes", "restart", "stop_grace_period",
                 "healthcheck", "user", "shm_size", "read_only", "tmpfs", "cap_drop", "security_opt"}
 CONDITIONS = {"service_started", "service_healthy", "service_completed_successfully"}
@@ -130,8 +131,8 @@ class SettingsTest(unittest.TestCase):
         services = yaml.safe_load(read("cluster.compose.yaml"))["services"]
         used = {name for service in ("primary", "standby") for name in settings(services[service]["command"])}
         used |= set(yaml.safe_load(read("patroni.example.yml"))["bootstrap"]["dcs"]["postgresql"]["parameters"])
-        used |= set(re.findall(r"^(?: {4})?([a-z_]+) = ", read("POSTGRESQL.md") + read("cluster_local.sh"), re.MULTILINE))
-        used |= set(re.findall(r" -c ([a-z_]+)=", read("cluster_local.sh")))
+        used |= set(re.findall(r"^(?: {4})?([a-z_]+) = ", read("POSTGRESQL.md") + read(LOCAL), re.MULTILINE))
+        used |= set(re.findall(r" -c ([a-z_]+)=", read(LOCAL)))
         self.assertGreater(len(used), 10)
         self.assertLessEqual(used, known)
 
@@ -142,7 +143,7 @@ class PageTest(unittest.TestCase):
         for link in re.findall(r"\]\((?!https:)([^)#]*)", page):
             self.assertTrue((DOCKER / link).is_file(), link)
         self.assertIn("(POSTGRESQL.md)", read("README.md"))
-        self.assertLessEqual(set(re.findall(r"cluster_local.sh ([a-z]+) ", page)), set(re.findall(r"^  ([a-z]+)\)", read("cluster_local.sh"), re.MULTILINE)))
+        self.assertLessEqual(set(re.findall(r"cluster_local.sh ([a-z]+) ", page)), set(re.findall(r"^  ([a-z]+)\)", read(LOCAL), re.MULTILINE)))
         for file in ("POSTGRESQL.md", "pliant-server.service", "server.toml"):
             self.assertIn("/etc/pliant/database.env", read(file))
 

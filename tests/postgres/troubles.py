@@ -16,7 +16,7 @@ from model_client import IMAGES, REFUSED
 from service.images import texture
 from service.server import Connection, Wrong
 
-LOCAL = pathlib.Path(__file__).resolve().parent.parent.parent / "docker" / "cluster_local.sh"
+LOCAL = pathlib.Path(__file__).resolve().parent / "cluster_local.sh"
 KEPT = 20  # images that are there from the beginning to the end
 SETTLE_S = 180
 SMALL = "db1"  # the database whose disk can be filled
@@ -25,7 +25,7 @@ LONG_S = 17  # a server that is stopped longer than this has lost its transactio
 
 
 class Databases:
-    """A primary and a synchronous standby, by docker/cluster_local.sh."""
+    """A primary and a synchronous standby, by tests/postgres/cluster_local.sh."""
 
     def __init__(self, home):
         self.home = home

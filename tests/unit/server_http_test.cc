@@ -337,5 +337,30 @@ TEST(Problem, MapsEveryErrorCodeAndHidesWhatIsInternal) {
   }
 }
 
+// The document promises the declared default, so a handler must get it, too.
+TEST(Parameters, AnAbsentValueIsTheDeclaredDefault) {
+  const Route route{.name = "x",
+                    .method = "GET",
+                    .pattern = "/x",
+                    .parameters = {Parameter("limit", "").Integer(1, 9).Default("5"),
+                                   Parameter("deep", "").Boolean().Default("true"),
+                                   Parameter("share", "").Number(0, 1).Default("0.5"),
+                                   Parameter("kind", "").Choice({"a", "b"}).Default("b")},
+                    .handler = Empty};
+  Request request;
+  const Parameters none(route, request);
+  EXPECT_EQ(none.Value<int>("limit"), 5);
+  EXPECT_TRUE(none.Value<bool>("deep"));
+  EXPECT_EQ(none.Value<double>("share"), 0.5);
+  EXPECT_EQ(none.Value<std::string>("kind"), "b");
+  EXPECT_FALSE(none.has("limit"));
+  request.query = {{"limit", "7"}, {"deep", "false"}, {"share", "1"}, {"kind", "a"}};
+  const Parameters all(route, request);
+  EXPECT_EQ(all.Value<std::size_t>("limit"), 7U);
+  EXPECT_FALSE(all.Value<bool>("deep"));
+  EXPECT_EQ(all.Value<double>("share"), 1);
+  EXPECT_EQ(all.Value<std::string>("kind"), "a");
+}
+
 }  // namespace
 }  // namespace pliant::server

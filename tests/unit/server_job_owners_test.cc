@@ -72,7 +72,7 @@ TEST_F(JobOwnersTest, ASecondServerLeavesARunningJobAlone) {
   Server second(database());
   EXPECT_EQ(second.jobs().Get(id).state, JobState::kRunning);
   EXPECT_TRUE(second.jobs().Active("wait", "default")) << "it trains no vocabulary twice";
-  std::this_thread::sleep_for(2 * JobWatcher::kPollEvery);
+  std::this_thread::sleep_for(2 * JobRunner::kPollEvery);
   EXPECT_EQ(second.begun(), 0);
   first.Finish();
   EXPECT_TRUE(second.jobs().WaitFor(id, kPatience)) << "the other's end is seen";

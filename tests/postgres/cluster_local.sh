@@ -144,7 +144,7 @@ ready() { curl -fs -m 5 --noproxy '*' -o /dev/null "http://127.0.0.1:$(port "$1"
 
 start_servers() {
   local name program
-  PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../build/*/bin" | tr '\n' ':' || true)
+  PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../../build/*/bin" | tr '\n' ':' || true)
   for name in $(servers); do
     server_runs "$name" && continue
     for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
