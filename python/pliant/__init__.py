@@ -16,6 +16,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from pliant._version import __version__
 from pliant.client import Client
 from pliant.errors import (CancelledError, ConflictError, ConnectionFailedError, CorruptError, Error, ForbiddenError,
                            InternalError, InvalidArgumentError, NoSpaceError, NotFoundError, ReadOnlyError,
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from pliant.records import FolderReport, Hit, Instance, Image, SearchResult, Vocabulary
     from pliant.simulation import SimulationReport, simulate
     from pliant.tracking import TrackedFrame, Tracker, track
-
-__version__ = "0.1.0"
 
 _MODULES = ("features", "index", "matching", "records", "simulation", "tracking")
 
