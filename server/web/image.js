@@ -143,5 +143,5 @@ export async function show(parameters) {
     byId("image-body").hidden = false;
     showRecord(image);
     showLarge(image);
-  });
+  }, () => show(parameters));
 }
