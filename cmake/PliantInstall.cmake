@@ -5,10 +5,12 @@ include(CMakePackageConfigHelpers)
 
 set(PLIANT_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/Pliant)
 
-# Components: runtime (what runs), development (what consumers build with).
+# Components: runtime (what runs), video (what reads videos, with 300 MB of Debian's libraries), development (what consumers
+# build with).
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 
-install(TARGETS pliant pliant-video pliant-server RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
+install(TARGETS pliant pliant-server RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
+install(TARGETS pliant-video RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT video)
 install(TARGETS pliant_simulation pliant_descriptor pliant_vocab pliant_index EXPORT PliantTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(FILES descriptor/model/deal.safetensors descriptor/model/deal-small.safetensors

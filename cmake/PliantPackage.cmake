@@ -1,5 +1,5 @@
-# `cpack -G DEB` in the build folder makes the Debian packages pliant (programs, weights, service), pliant-dev
-# (headers, static libraries, CMake package) and, where it was built, python3-pliant.
+# `cpack -G DEB` in the build folder makes the Debian packages pliant (programs, weights, service), pliant-video (what reads
+# videos), pliant-dev (headers, static libraries, CMake package) and, where it was built, python3-pliant.
 #
 # The service's files have fixed places, so they go into packages only, never along with `cmake --install`.
 install(FILES docker/pliant-server.service DESTINATION /lib/systemd/system COMPONENT service EXCLUDE_FROM_ALL)
@@ -17,21 +17,30 @@ set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_INSTALL_PREFIX /usr)
 set(CPACK_SET_DESTDIR ON)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL runtime service development)
+set(CPACK_COMPONENTS_ALL runtime service video development)
 set(CPACK_COMPONENT_RUNTIME_GROUP programs)
 set(CPACK_COMPONENT_SERVICE_GROUP programs)
+set(CPACK_COMPONENT_VIDEO_GROUP video)
 set(CPACK_COMPONENT_DEVELOPMENT_GROUP development)
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+# 0.1.0-1~deb12: the packages for two releases of Debian have two names, and an upgrade of Debian upgrades Pliant.
+cmake_host_system_information(RESULT debian QUERY DISTRIB_VERSION_ID)
+set(CPACK_DEBIAN_PACKAGE_RELEASE "1~deb${debian}")
 set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_NAME pliant)
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_RECOMMENDS "ca-certificates") # for --fetch-hosts
+set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SUGGESTS "pliant-video, python3-pliant")
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_CONTROL_EXTRA
     "${PROJECT_SOURCE_DIR}/docker/debian/conffiles;${PROJECT_SOURCE_DIR}/docker/debian/postinst;${PROJECT_SOURCE_DIR}/docker/debian/prerm;${PROJECT_SOURCE_DIR}/docker/debian/postrm"
 )
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(same_pliant "pliant (= ${PROJECT_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE})")
+set(CPACK_DEBIAN_VIDEO_PACKAGE_NAME pliant-video)
+set(CPACK_DEBIAN_VIDEO_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_VIDEO_PACKAGE_DEPENDS "${same_pliant}")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME pliant-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
@@ -45,6 +54,6 @@ if(PLIANT_PYTHON_FOUND)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
-      "pliant (= ${PROJECT_VERSION}), python3 (>= 3.${Python3_VERSION_MINOR}), python3 (<< 3.${next_minor}), python3-numpy")
+      "${same_pliant}, python3 (>= 3.${Python3_VERSION_MINOR}), python3 (<< 3.${next_minor}), python3-numpy")
 endif()
 include(CPack)

@@ -38,6 +38,7 @@ struct SceneEntry {
   std::vector<ViewPair> pairs;  // all pairs of the set, in its own order
   // Reads images and truth. Thread-safe; throws kCorrupt, kNotFound, kUnprocessable.
   std::function<std::unique_ptr<TruthScene>()> load;
+  std::vector<std::filesystem::path> images = {};  // by view; empty where no image files exist
 };
 
 struct Dataset {

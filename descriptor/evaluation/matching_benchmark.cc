@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -23,9 +25,16 @@
 namespace pliant::evaluation {
 namespace {
 
+// Keypoints that contenders have in common, or of one's own: kOwn + its number in
+// MatchingOptions::features.
+using KeypointSet = std::size_t;
+constexpr KeypointSet kShared = 0;
+constexpr KeypointSet kRepeated = 1;  // SIFT's, duplicates included
+constexpr KeypointSet kOwn = 2;
+
 struct Contender {
-  std::shared_ptr<const Descriptor> descriptor;
-  bool repeats = false;  // at SIFT's keypoints, duplicates included
+  std::shared_ptr<const Descriptor> descriptor;  // null: the features are from elsewhere
+  KeypointSet keypoints = kShared;
   std::string label = {};
 };
 
@@ -57,29 +66,29 @@ void CheckOptions(const MatchingOptions& options) {
 }
 
 Contenders MakeContenders(const MatchingOptions& options) {
-  std::vector<DescriptorChoice> choices =
-      options.descriptors.empty() ? AllDescriptorChoices() : options.descriptors;
-  for (std::size_t i = 0; i < choices.size(); ++i) {
-    for (std::size_t k = 0; k < i; ++k) {
-      if (choices[k].label == choices[i].label) {
-        throw Error(ErrorCode::kInvalidArgument, "descriptor_twice",
-                    "two rows would be named '" + choices[i].label +
-                        "'; give one a name of its own: NAME:" + choices[i].name);
-      }
-    }
-  }
   Contenders contenders;
-  contenders.shown = choices.size();
-  const auto is_sift = [](const DescriptorChoice& c) { return c.name == "sift" && !c.repeats; };
-  if (std::none_of(choices.begin(), choices.end(), is_sift))
-    choices.push_back({"sift", "sift", {}, false});
-  for (std::size_t i = 0; i < choices.size(); ++i) {
-    if (is_sift(choices[i])) contenders.sift = i;
-    const std::filesystem::path& model =
-        choices[i].model.empty() ? options.model : choices[i].model;
-    contenders.all.push_back({MakeDescriptor(choices[i].name, {model}), choices[i].repeats});
+  const auto add = [&](Contender contender) {
+    for (const Contender& other : contenders.all) {
+      if (other.label != contender.label) continue;
+      throw Error(ErrorCode::kInvalidArgument, "descriptor_twice",
+                  "two rows would be named '" + contender.label +
+                      "'; give one a name of its own, such as NAME:" + contender.label);
+    }
+    contenders.all.push_back(std::move(contender));
+  };
+  std::optional<std::size_t> sift;
+  for (const DescriptorChoice& choice :
+       options.descriptors.empty() ? AllDescriptorChoices() : options.descriptors) {
+    if (choice.name == "sift" && !choice.repeats) sift = contenders.all.size();
+    add({MakeDescriptor(choice.name, {choice.model.empty() ? options.model : choice.model}),
+         choice.repeats ? kRepeated : kShared, choice.label});
   }
-  for (std::size_t i = 0; i < contenders.shown; ++i) contenders.all[i].label = choices[i].label;
+  for (std::size_t i = 0; i < options.features.size(); ++i) {
+    add({nullptr, kOwn + i, options.features[i].label});
+  }
+  contenders.shown = contenders.all.size();
+  if (!sift) contenders.all.push_back({MakeDescriptor("sift", {options.model})});
+  contenders.sift = sift.value_or(contenders.shown);
   return contenders;
 }
 
@@ -103,13 +112,13 @@ class Counter {
   std::uint64_t done_ = 0;
 };
 
-// Measures pairs of one scene: every view is detected and described once. Not thread-safe. `scene`,
-// `contenders` and `options` must outlive it.
+// Measures pairs of one scene: every view is detected and described once. Not thread-safe. All
+// arguments must outlive it.
 class SceneMatcher {
  public:
-  SceneMatcher(TruthScene& scene, const std::vector<Contender>& contenders,
+  SceneMatcher(const SceneEntry& entry, TruthScene& scene, const std::vector<Contender>& contenders,
                const MatchingOptions& options)
-      : scene_(scene), contenders_(contenders), options_(options) {}
+      : entry_(entry), scene_(scene), contenders_(contenders), options_(options) {}
 
   // nullopt when the shared keypoints give fewer than min_true_pairs true pairs. One thread.
   std::optional<PairMeasurement> Measure(const ViewPair& pair);
@@ -128,23 +137,53 @@ class SceneMatcher {
     std::vector<std::optional<Vec2>> positions;
     std::vector<TruePair> true_pairs;
   };
-  ViewFeatures& Features(int view, bool repeats);
-  PairTruth FindTruth(int first, int second, bool repeats);
+  ViewFeatures& Features(int view, KeypointSet set);
+  void ReadOwn(int view, KeypointSet set, ViewFeatures& features) const;
+  PairTruth FindTruth(int first, int second, KeypointSet set);
   const Descriptors& Describe(std::size_t contender, int view, PairMeasurement& measurement);
   PairFigures Match(std::size_t contender, int first, int second, const PairTruth& truth,
                     PairMeasurement& measurement);
 
+  const SceneEntry& entry_;
   TruthScene& scene_;
   const std::vector<Contender>& contenders_;
   const MatchingOptions& options_;
-  std::map<std::pair<int, bool>, ViewFeatures> features_;
+  std::map<std::pair<int, KeypointSet>, ViewFeatures> features_;
 };
 
-SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
-  const auto [place, is_new] = features_.try_emplace({view, repeats});
+// The strongest keypoints on the object, as DetectKeypoints chooses them, with their descriptors.
+void SceneMatcher::ReadOwn(int view, KeypointSet set, ViewFeatures& features) const {
+  if (entry_.images.empty()) {
+    throw Error(ErrorCode::kUnprocessable, "no_image_files",
+                entry_.name +
+                    " has no image files that another program could describe. Simulate "
+                    "folders instead of tensors.");
+  }
+  const pliant::Features read =
+      options_.features[set - kOwn].read(entry_.images[static_cast<std::size_t>(view)]);
+  std::vector<std::uint32_t> rows(read.keypoints.size());
+  std::iota(rows.begin(), rows.end(), 0U);
+  std::ranges::stable_sort(rows, std::greater(),
+                           [&](std::uint32_t row) { return read.keypoints[row].response; });
+  rows.resize(std::min(rows.size(), static_cast<std::size_t>(options_.max_keypoints)));
+  std::erase_if(rows, [&](std::uint32_t row) {
+    return !scene_.OnObject(view, {read.keypoints[row].x, read.keypoints[row].y});
+  });
+  for (const std::uint32_t row : rows) features.keypoints.push_back(read.keypoints[row]);
+  const auto of_set = std::ranges::find(contenders_, set, &Contender::keypoints);
+  features.descriptors.emplace(static_cast<std::size_t>(of_set - contenders_.begin()),
+                               SelectRows(read.descriptors, rows));
+}
+
+SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, KeypointSet set) {
+  const auto [place, is_new] = features_.try_emplace({view, set});
   ViewFeatures& features = place->second;
   if (!is_new) return features;
-  const KeypointOptions options{options_.max_keypoints, repeats};
+  if (set >= kOwn) {
+    ReadOwn(view, set, features);
+    return features;
+  }
+  const KeypointOptions options{options_.max_keypoints, set == kRepeated};
   const Image& image = scene_.ViewImage(view);
   const std::vector<Keypoint> found = options_.enlarge ? DetectLowContrastKeypoints(image, options)
                                                        : DetectKeypoints(image, options);
@@ -164,11 +203,11 @@ SceneMatcher::ViewFeatures& SceneMatcher::Features(int view, bool repeats) {
   return features;
 }
 
-SceneMatcher::PairTruth SceneMatcher::FindTruth(int first, int second, bool repeats) {
+SceneMatcher::PairTruth SceneMatcher::FindTruth(int first, int second, KeypointSet set) {
   PairTruth truth;
   const std::array<int, 2> views = {first, second};
   for (std::size_t side = 0; side < 2; ++side) {
-    const std::vector<Keypoint>& keypoints = Features(views[side], repeats).keypoints;
+    const std::vector<Keypoint>& keypoints = Features(views[side], set).keypoints;
     for (std::uint32_t i = 0; i < keypoints.size(); ++i) {
       const Vec2 place{keypoints[i].x, keypoints[i].y};
       if (!scene_.Counts(views[side], place, views[1 - side])) continue;
@@ -186,7 +225,7 @@ SceneMatcher::PairTruth SceneMatcher::FindTruth(int first, int second, bool repe
 
 const Descriptors& SceneMatcher::Describe(std::size_t contender, int view,
                                           PairMeasurement& measurement) {
-  ViewFeatures& features = Features(view, contenders_[contender].repeats);
+  ViewFeatures& features = Features(view, contenders_[contender].keypoints);
   const auto [place, is_new] = features.descriptors.try_emplace(contender);
   if (!is_new) return place->second;
   const Stopwatch watch;
@@ -204,8 +243,8 @@ PairFigures SceneMatcher::Match(std::size_t contender, int first, int second,
                                 const PairTruth& truth, PairMeasurement& measurement) {
   const Descriptors a = SelectRows(Describe(contender, first, measurement), truth.rows[0]);
   const Descriptors b = SelectRows(Describe(contender, second, measurement), truth.rows[1]);
-  CheckDescriptors(a, contenders_[contender].descriptor->info().name.c_str());
-  CheckDescriptors(b, contenders_[contender].descriptor->info().name.c_str());
+  CheckDescriptors(a, contenders_[contender].label.c_str());
+  CheckDescriptors(b, contenders_[contender].label.c_str());
   const std::vector<pliant::Match> matches = MatchDescriptors(PackedDescriptors(b), a);
   return CountMatches(matches, truth.positions, truth.true_pairs, truth.second,
                       options_.tolerance_px);
@@ -213,17 +252,18 @@ PairFigures SceneMatcher::Match(std::size_t contender, int first, int second,
 
 std::optional<PairMeasurement> SceneMatcher::Measure(const ViewPair& pair) {
   const auto [first, second] = std::pair(pair.first, pair.second);
-  const PairTruth shared = FindTruth(first, second, /*repeats=*/false);
+  std::map<KeypointSet, PairTruth> truths;
+  const PairTruth& shared = truths[kShared] = FindTruth(first, second, kShared);
   if (static_cast<int>(shared.true_pairs.size()) < options_.min_true_pairs) return std::nullopt;
-  std::optional<PairTruth> repeated;
   PairMeasurement measurement;
   measurement.pair = pair;
   measurement.describe_seconds.resize(contenders_.size());
   measurement.described.resize(contenders_.size());
   for (std::size_t c = 0; c < contenders_.size(); ++c) {
-    if (contenders_[c].repeats && !repeated) repeated = FindTruth(first, second, true);
-    measurement.figures.push_back(
-        Match(c, first, second, contenders_[c].repeats ? *repeated : shared, measurement));
+    const KeypointSet set = contenders_[c].keypoints;
+    const auto [truth, is_new] = truths.try_emplace(set);
+    if (is_new) truth->second = FindTruth(first, second, set);
+    measurement.figures.push_back(Match(c, first, second, truth->second, measurement));
   }
   return measurement;
 }
@@ -240,8 +280,9 @@ std::vector<std::optional<PairMeasurement>> MeasureAll(const Dataset& dataset,
                                                                             by_scene.end());
   std::vector<std::optional<PairMeasurement>> measured(candidates.size());
   ParallelFor(tasks.size(), options.jobs, [&](std::size_t t) {
-    const std::unique_ptr<TruthScene> scene = dataset.scenes[tasks[t].first].load();
-    SceneMatcher matcher(*scene, contenders.all, options);
+    const SceneEntry& entry = dataset.scenes[tasks[t].first];
+    const std::unique_ptr<TruthScene> scene = entry.load();
+    SceneMatcher matcher(entry, *scene, contenders.all, options);
     for (const std::size_t i : tasks[t].second) {
       measured[i] = matcher.Measure(candidates[i].pair);
       counter.Count(measured[i] || options.pairs == 0 ? 1 : 0);
@@ -254,8 +295,11 @@ std::vector<std::optional<PairMeasurement>> MeasureAll(const Dataset& dataset,
 template <typename In>
 DescriptorResult Average(const std::vector<PairMeasurement>& measured, const Contenders& contenders,
                          std::size_t row, const In& in) {
-  DescriptorResult result{.label = contenders.all[row].label,
-                          .model_id = contenders.all[row].descriptor->info().model_id};
+  DescriptorResult result;
+  result.label = contenders.all[row].label;
+  if (contenders.all[row].descriptor) {
+    result.model_id = contenders.all[row].descriptor->info().model_id;
+  }
   double squares = 0, sift = 0, seconds = 0, described = 0;
   for (const PairMeasurement& m : measured) {
     if (!in(m)) continue;

@@ -14,6 +14,7 @@
 
 #include "descriptor/evaluation/dataset.h"
 #include "descriptor/evaluation/metrics.h"
+#include "descriptor/features/foreign_features.h"
 
 namespace pliant::evaluation {
 
@@ -35,6 +36,7 @@ std::vector<DescriptorChoice> AllDescriptorChoices();
 
 struct MatchingOptions {
   std::vector<DescriptorChoice> descriptors;  // empty = AllDescriptorChoices()
+  std::vector<FeatureSource> features;        // further rows, at keypoints of their own
   std::filesystem::path model;                // weights; empty = ModelPath(name)
   int max_keypoints = 2048;                   // per image, strongest first; 1..4096
   // Also use low-contrast keypoints, and at most max_keypoints more of the enlarged image
@@ -98,8 +100,9 @@ std::vector<PairCandidate> AllPairs(const Dataset& dataset);
 std::vector<PairCandidate> ShufflePairs(const Dataset& dataset, std::uint64_t seed);
 
 // Deterministic except for the times, independently of `jobs`. Throws kInvalidArgument for options
-// out of range, what MakeDescriptor and the set's readers throw, kUnprocessable "no_pairs" when no
-// pair can be measured, kCancelled "evaluation_stopped".
+// out of range, what MakeDescriptor, the set's readers and FeatureSource::read throw,
+// kUnprocessable "no_pairs" when no pair can be measured, or "no_image_files" when features of
+// image files are compared on a set without them, kCancelled "evaluation_stopped".
 MatchingReport RunMatchingBenchmark(const Dataset& dataset, const MatchingOptions& options);
 
 // Lowest over highest MS along the curve of result row `row`: 1 = flat; 0 without a curve.

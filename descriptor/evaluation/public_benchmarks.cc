@@ -109,11 +109,14 @@ SceneEntry NonRigidEntry(const fs::path& root, const std::string& split, const J
     name += (i == 0 ? ":" : " ") + relative;
     images.push_back(root / relative);
   }
-  return {name, {{0, 1, split, {}}}, [images]() -> std::unique_ptr<TruthScene> {
+  return {name,
+          {{0, 1, split, {}}},
+          [images]() -> std::unique_ptr<TruthScene> {
             auto scene = std::make_unique<SurfaceScene>(kNonRigidMaxDistance);
             for (const fs::path& image : images) AddNonRigidView(image, *scene);
             return scene;
-          }};
+          },
+          images};
 }
 
 }  // namespace
@@ -139,7 +142,7 @@ Dataset OpenHomographies(const std::vector<fs::path>& files) {
     const fs::path whole = fs::absolute(folder).lexically_normal();
     const std::string name =
         (whole.has_filename() ? whole : whole.parent_path()).filename().string();
-    SceneEntry entry{name, {}, [sequence] { return LoadSequence(sequence); }};
+    SceneEntry entry{name, {}, [sequence] { return LoadSequence(sequence); }, sequence.images};
     for (int k = 1; k < static_cast<int>(sequence.images.size()); ++k)
       entry.pairs.push_back({0, k, GroupOf(name), {}});
     dataset.scenes.push_back(std::move(entry));

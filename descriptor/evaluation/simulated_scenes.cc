@@ -186,7 +186,8 @@ SceneEntry FolderEntry(const fs::path& scene_json, std::string& sweep) {
               auto scene = std::make_unique<SurfaceScene>();
               for (const fs::path& image : images) AddFolderView(image, *scene);
               return scene;
-            }};
+            },
+            images};
   });
 }
 

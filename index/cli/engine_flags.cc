@@ -118,6 +118,13 @@ void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
       ->check(AtLeast(0));
 }
 
+void AddFeaturesFlag(CLI::App& app, std::vector<std::string>& features) {
+  app.add_option("--features", features,
+                 "another row, of features in FOLDER/IMAGE.npz for each DIR/IMAGE; can be repeated")
+      ->allow_extra_args(false)
+      ->type_name("NAME=FOLDER");
+}
+
 void AddTrackingFlags(CLI::App& app, int& every, LocateOptions& locate) {
   VerificationOptions& verification = locate.verification;
   app.add_option("--every", every, "use every N-th frame only")->check(Between(1, 1'000'000));

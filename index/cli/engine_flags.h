@@ -46,6 +46,9 @@ std::shared_ptr<const Descriptor> NamedDescriptor(const EngineOptions& engine);
 void AddDescriptorListFlags(CLI::App& app, std::vector<std::string>& names,
                             DescriptorOptions& descriptor, ExtractionOptions& extraction);
 
+// --features NAME=FOLDER, which can be repeated: rows of other programs (read_npz.h).
+void AddFeaturesFlag(CLI::App& app, std::vector<std::string>& features);
+
 // --every N, --iterations, --max-ratio, --tolerance, --regularization, --min-inliers: of `track`
 // and `eval tracking`.
 void AddTrackingFlags(CLI::App& app, int& every, LocateOptions& locate);

@@ -11,6 +11,8 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
+#include "index/evaluation/results_json.h"
+#include "index/files/read_npz.h"
 #include "index/json/json.h"
 
 namespace pliant::cli {
@@ -19,25 +21,6 @@ namespace {
 using evaluation::DescriptorResult;
 using evaluation::MatchingReport;
 using evaluation::Subset;
-
-Json ResultsJson(const std::vector<DescriptorResult>& results) {
-  Json list = Json::array();
-  for (const DescriptorResult& r : results) {
-    list.push_back({{"descriptor", r.label},
-                    {"model_id", r.model_id},
-                    {"pairs", r.pairs},
-                    {"ms", r.ms},
-                    {"ms_error", r.ms_error},
-                    {"mma", r.mma},
-                    {"mutual_precision", r.mutual_precision},
-                    {"correct_matches", r.correct_matches},
-                    {"ms_ratio_to_sift", r.ms_ratio_to_sift},
-                    {"keypoints", r.keypoints},
-                    {"true_pairs", r.true_pairs},
-                    {"describe_us", r.describe_us}});
-  }
-  return list;
-}
 
 std::string ResultTable(const std::vector<DescriptorResult>& results) {
   return TableOf(ResultsJson(results), {{"/descriptor", "descriptor"},
@@ -156,6 +139,7 @@ struct Options {
   std::filesystem::path folder;
   std::string layout = "auto";
   std::vector<std::string> descriptors;
+  std::vector<std::string> features;
   std::filesystem::path csv;
   bool json = false;
 };
@@ -164,6 +148,8 @@ ExitStatus Run(Options& options) {
   CheckOutput(options.csv, "--csv", options.json);
   for (const std::string& text : options.descriptors)
     options.matching.descriptors.push_back(evaluation::ParseDescriptorChoice(text));
+  for (const std::string& text : options.features)
+    options.matching.features.push_back(ParseFeatureSource(text, options.folder));
   const evaluation::Dataset dataset =
       evaluation::OpenDataset(options.folder, evaluation::ParseLayout(options.layout));
   const Interrupt interrupt;
@@ -213,6 +199,7 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
       ->delimiter(',')
       ->check(KnownDescriptorChoice())
       ->type_name("NAME,...");
+  AddFeaturesFlag(app, options.features);
   AddModelFlag(app, matching.model);
   app.add_option("--pairs", matching.pairs, "number of pairs, chosen by --seed; 0 = all");
   app.add_option("--seed", matching.seed, "same seed, same pairs");

@@ -13,8 +13,10 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
+#include "index/evaluation/results_json.h"
 #include "index/evaluation/retrieval_evaluation.h"
 #include "index/files/image_files.h"
+#include "index/files/read_npz.h"
 #include "index/json/json.h"
 #include "index/json/record_csv.h"
 
@@ -24,42 +26,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kMaxPeersBytes = 16LL << 20;
-
-Json ResultJson(const RetrievalResult& row) {
-  const RetrievalTimes& t = row.times;
-  return {{"descriptor", row.descriptor},
-          {"protocol", row.protocol},
-          {"words", row.words},
-          {"accuracy_at", row.mean.accuracy_at},
-          {"map", row.mean.map},
-          {"top1", row.mean.top1},
-          {"mrr", row.mean.mrr},
-          {"ns_score", OrNull(row.ns_score)},
-          {"object_top1", row.object ? Json(row.object->top1) : Json(nullptr)},
-          {"object_mrr", row.object ? Json(row.object->mrr) : Json(nullptr)},
-          {"refused_queries", row.refused},
-          {"found_right", row.mean.found_right},
-          {"found_wrong", row.mean.found_wrong},
-          {"absent_queries", row.absent.asked},
-          {"false_alarms", row.absent.alarms},
-          {"left_out_queries", row.left_out.asked},
-          {"left_out_alarms", row.left_out.alarms},
-          {"spread",
-           {{"accuracy_at", row.spread.accuracy_at},
-            {"map", row.spread.map},
-            {"mrr", row.spread.mrr},
-            {"ns_score", row.ns_score ? Json(row.spread.ns) : Json(nullptr)}}},
-          {"seconds_per_query", t.total() / 1000},
-          {"milliseconds",
-           {{"decode", t.decode},
-            {"detect", t.detect},
-            {"describe", t.describe},
-            {"quantize", t.quantize},
-            {"rank", t.rank},
-            {"verify", t.verify}}},
-          {"bytes_per_image",
-           {{"stored", row.stored_bytes_per_image}, {"index", row.index_bytes_per_image}}}};
-}
 
 // The row of a peer: the fields that it must give, and its optional ones.
 Json PeerJson(const Json& peer) {
@@ -244,6 +210,7 @@ struct Options {
   std::vector<fs::path> distractors;
   std::vector<fs::path> absent;
   std::vector<fs::path> peers;
+  std::vector<std::string> features;
   fs::path csv;      // empty = none; - = standard output
   fs::path answers;  // the same
   bool json = false;
@@ -253,6 +220,8 @@ struct Options {
 ExitStatus Run(Options& options) {
   CheckOutput(options.csv, "--csv", options.json);
   CheckOutput(options.answers, "--answers", options.json);
+  for (const std::string& text : options.features)
+    options.retrieval.features.push_back(ParseFeatureSource(text, options.folder));
   options.retrieval.keep_answers = !options.answers.empty();
   const RetrievalSet set =
       ReadRetrievalSet(options.folder, options.layout, options.distractors, options.absent);
@@ -331,6 +300,7 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
   AddSetFlags(*app, *options);
   AddDescriptorListFlags(*app, retrieval.descriptors, retrieval.descriptor_options,
                          retrieval.extraction);
+  AddFeaturesFlag(*app, options->features);
   AddRunFlags(*app, retrieval);
   app->add_option("--peers", options->peers,
                   "also list these results of another program on the same images; can be repeated")

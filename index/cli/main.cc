@@ -64,8 +64,9 @@ void Forward(CLI::App& app, std::vector<const char*> before) {
     for (const std::string& argument : rest) arguments.push_back(argument.c_str());
     arguments.push_back(nullptr);
     execv(program.c_str(), const_cast<char* const*>(arguments.data()));  // takes no others
-    throw Error(ErrorCode::kNotFound, "program_missing",
-                program.string() + ", which reads videos, is not installed");
+    throw Error(
+        ErrorCode::kNotFound, "program_missing",
+        program.string() + ", which reads videos, is not installed (Debian package pliant-video)");
   });
 }
 

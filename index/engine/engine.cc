@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/foreign_features.h"
 #include "index/engine/engine_core.h"
 #include "index/store/blob_codec.h"
 #include "index/store/database_url.h"
@@ -16,9 +17,13 @@ namespace pliant {
 namespace {
 
 std::shared_ptr<const Descriptor> MakeDescriptorFor(const EngineOptions& options,
-                                                    const std::string& database_descriptor) {
+                                                    const DescriptorInfo& of_database) {
   if (options.custom_descriptor) return options.custom_descriptor;
-  return MakeDescriptor(options.descriptor.empty() ? database_descriptor : options.descriptor,
+  const std::vector<std::string> known = DescriptorNames();
+  if (options.descriptor.empty() && std::ranges::find(known, of_database.name) == known.end()) {
+    return MakeForeignDescriptor(of_database);
+  }
+  return MakeDescriptor(options.descriptor.empty() ? of_database.name : options.descriptor,
                         options.descriptor_options);
 }
 
@@ -36,7 +41,7 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
   opening.busy_timeout_ms = options_.busy_timeout_ms;
   opening.reserve_bytes = options_.reserve_bytes;
   opening.model_of_new = [this] {
-    options_.custom_descriptor = MakeDescriptorFor(options_, "deal");
+    options_.custom_descriptor = MakeDescriptorFor(options_, {"deal", {}, 0, {}});
     return options_.custom_descriptor->info();
   };
   store_ = OpenStore(opening);
@@ -96,6 +101,17 @@ void EngineCore::CheckModel(const DescriptorInfo& info) const {
                   "; use that descriptor, or index into a new database");
 }
 
+void EngineCore::CheckFeatures(const Features& features) const {
+  const DescriptorInfo& model = store_->model().info;
+  const Descriptors& d = features.descriptors;
+  const bool fits = d.rows == 0 || (d.kind == model.kind && d.dim == model.dim);
+  if (features.model_id == model.model_id && fits) return;
+  throw Error(ErrorCode::kConflict, "model_mismatch",
+              "The features are of " + features.model_id + " with " + std::to_string(d.dim) +
+                  " components, but the database uses " + model.model_id + " with " +
+                  std::to_string(model.dim) + ".");
+}
+
 void EngineCore::FollowLimits(const ExtractionLimits& stored, ExtractionOptions& extraction) const {
   const auto follow = [&](const char* name, int limit, const std::optional<int>& wanted,
                           int& value) {
@@ -126,7 +142,7 @@ const EngineCore::Extractors& EngineCore::extractors() {
   const std::lock_guard lock(extractors_mutex_);
   if (!extractors_) {
     std::shared_ptr<const Descriptor> descriptor =
-        MakeDescriptorFor(options_, store_->model().info.name);
+        MakeDescriptorFor(options_, store_->model().info);
     CheckModel(descriptor->info());
     ExtractionOptions extraction = options_.extraction;  // others read that
     StoreLimits(extraction);

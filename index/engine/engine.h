@@ -126,7 +126,11 @@ class EngineImages {
   // described again. `check` receives the image that has the id: before the new one is described,
   // and again when it is stored. An exception from `check` refuses the addition.
   AddResult Add(const AddRequest& request, const ImageCheck& check = {});
-  // The same in two steps. This call uses the processor; the returned function waits for the store,
+  // An image that another program described, with the database's model (kConflict
+  // "model_mismatch"). The request's bytes can be empty: then the features identify the image, and
+  // there is no content. kInvalidArgument "features_invalid" above kMaxKeypoints.
+  AddResult AddFeatures(const AddRequest& request, const Features& features);
+  // Add in two steps. This call uses the processor; the returned function waits for the store,
   // possibly for long. The request's bytes and the engine must outlive it.
   std::function<AddResult()> BeginAdd(const AddRequest& request, const ImageCheck& check = {});
   std::optional<ImageRecord> FindBySha256(const std::string& collection, const std::string& sha256);
@@ -168,6 +172,9 @@ class EngineImages {
   explicit EngineImages(EngineCore* core) : core_(*core) {}
 
  private:
+  std::function<AddResult()> BeginAdd(const AddRequest& request, const ImageCheck& check,
+                                      const Features* given);
+
   EngineCore& core_;
 };
 

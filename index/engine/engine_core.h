@@ -27,6 +27,8 @@ class EngineCore {
   MemoryRanker& ranker() { return *ranker_; }
   const DescriptorInfo& model() const { return store_->model().info; }
   bool keeps_originals() const { return options_.keep_originals; }
+  // kConflict "model_mismatch" for features of another model or form than the database's.
+  void CheckFeatures(const Features& features) const;
   // The view of the collection with this name or alias.
   CollectionView View(const std::string& collection) {
     return ranker_->View(catalogue().RequireCollection(collection).name);

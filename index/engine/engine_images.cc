@@ -26,9 +26,19 @@ void CheckEnough(std::size_t keypoints) {
                   " are needed. It is too plain, too small or too blurred to be recognised.");
 }
 
-// Everything about a new image that takes time.
+Features Describe(EngineCore& core, const AddRequest& request, std::string* media_type,
+                  ExtractionTimings* timings) {
+  const FeatureExtractor& extract = request.as_query ? core.query_extractor() : core.extractor();
+  const Stopwatch decoding;
+  const DecodedImage decoded = extract.Decode(request.bytes);
+  timings->decode_ms = decoding.ms();
+  *media_type = MediaType(decoded.format);
+  return extract.Extract(decoded, request.threads, timings);
+}
+
+// Everything about a new image that takes time. `given`: its features; null: to be described.
 ImagePut Prepare(EngineCore& core, const AddRequest& request, const std::string& sha256,
-                 AddTimings* timings) {
+                 const Features* given, AddTimings* timings) {
   ImagePut put{.request = request};
   ImageRecord& record = put.record;
   if (auto described = core.catalogue().FindDescribed(sha256)) {
@@ -36,14 +46,11 @@ ImagePut Prepare(EngineCore& core, const AddRequest& request, const std::string&
     put.encoded = std::move(described->features);
     put.features = DecodeFeatures(put.encoded);
   } else {
-    const FeatureExtractor& extract = request.as_query ? core.query_extractor() : core.extractor();
-    const Stopwatch decoding;
-    const DecodedImage decoded = extract.Decode(request.bytes);
-    timings->extraction.decode_ms = decoding.ms();
-    Features features = extract.Extract(decoded, request.threads, &timings->extraction);
+    Features features = given != nullptr
+                            ? *given
+                            : Describe(core, request, &record.media_type, &timings->extraction);
     CheckEnough(features.keypoints.size());
     put.encoded = EncodeFeatures(features);
-    record.media_type = MediaType(decoded.format);
     record.width = features.width;
     record.height = features.height;
     record.keypoints = static_cast<std::uint32_t>(features.keypoints.size());
@@ -63,7 +70,7 @@ ImagePut Prepare(EngineCore& core, const AddRequest& request, const std::string&
     put.words = view.quantizer->Assign(put.features.descriptors, request.threads);
     timings->quantize_ms = quantizing.ms();
   }
-  put.keep_content = core.keeps_originals();
+  put.keep_content = core.keeps_originals() && !request.bytes.empty();
   return put;
 }
 
@@ -124,8 +131,23 @@ AddResult EngineImages::Add(const AddRequest& request, const ImageCheck& check) 
   return BeginAdd(request, check)();
 }
 
+AddResult EngineImages::AddFeatures(const AddRequest& request, const Features& features) {
+  core_.CheckFeatures(features);
+  if (features.keypoints.size() > kMaxKeypoints) {
+    throw Error(ErrorCode::kInvalidArgument, "features_invalid",
+                "An image has at most " + std::to_string(kMaxKeypoints) + " keypoints, not " +
+                    std::to_string(features.keypoints.size()) + ".");
+  }
+  return BeginAdd(request, {}, &features)();
+}
+
 std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
                                                   const ImageCheck& check) {
+  return BeginAdd(original, check, nullptr);
+}
+
+std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
+                                                  const ImageCheck& check, const Features* given) {
   struct Pending {
     AddRequest request;
     std::optional<ImagePut> put;
@@ -142,15 +164,17 @@ std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
     const auto now = core_.catalogue().FindImage(request.collection, *request.id);
     check(now ? &*now : nullptr);
   }
-  const std::string sha256 = Sha256Hex(request.bytes);
+  const std::string sha256 = Sha256Hex(
+      request.bytes.empty() && given != nullptr ? Bytes(EncodeFeatures(*given)) : request.bytes);
   if (auto unchanged = core_.catalogue().FindUnchanged(request, sha256)) {
     pending->result = {AddOutcome::kUnchanged, *std::move(unchanged), {}};
     return [&core = core_, pending] {
-      core.writer().RestoreContent(pending->result.image, pending->request.bytes);
+      const Bytes bytes = pending->request.bytes;
+      if (!bytes.empty()) core.writer().RestoreContent(pending->result.image, bytes);
       return pending->result;
     };
   }
-  pending->put.emplace(Prepare(core_, request, sha256, &pending->result.timings));
+  pending->put.emplace(Prepare(core_, request, sha256, given, &pending->result.timings));
   pending->put->check = check;
   return [&core = core_, pending] {
     const Stopwatch writing;

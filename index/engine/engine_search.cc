@@ -294,12 +294,7 @@ SearchResult EngineSearch::SearchStored(const std::string& image_id, const Searc
 SearchResult EngineSearch::SearchFeatures(const Features& features, const SearchOptions& options,
                                           const SecondPass& second) {
   Validate(options);
-  const std::string& model_id = core_.model().model_id;
-  if (features.model_id != model_id) {
-    throw Error(
-        ErrorCode::kConflict, "model_mismatch",
-        "The features are of " + features.model_id + ", but the database uses " + model_id + ".");
-  }
+  core_.CheckFeatures(features);
   return Answer(core_, core_.View(options.collection), InStoredPrecision(features), options, {},
                 second);
 }

@@ -31,7 +31,9 @@ constexpr std::size_t kKeyDigits = 12;
 }
 
 void Validate(const RetrievalOptions& options) {
-  if (options.descriptors.empty()) ThrowInvalid("descriptors", "must have one or more names");
+  if (options.descriptors.empty() && options.features.empty()) {
+    ThrowInvalid("descriptors", "must have one or more names");
+  }
   if (options.protocols.empty()) ThrowInvalid("protocols", "must have one or more names");
   if (options.words.empty()) ThrowInvalid("words", "must have one or more sizes");
   if (options.seeds < 1) ThrowInvalid("seeds", "must be 1 or more");
@@ -217,48 +219,67 @@ void DescribeSet(const RetrievalSet& set, RetrievalReport* report) {
   }
 }
 
+// A descriptor, or the form of features from elsewhere.
+struct Row {
+  std::string label;
+  std::shared_ptr<const Descriptor> descriptor;
+  std::function<Features(const fs::path& image)> features = {};
+};
+
+std::vector<Row> MakeRows(const RetrievalSet& set, const RetrievalOptions& options) {
+  std::vector<Row> rows;
+  for (const std::string& name : options.descriptors) {
+    rows.push_back({name, MakeDescriptor(name, options.descriptor_options)});
+  }
+  for (const FeatureSource& source : options.features) {
+    DescriptorInfo info = ForeignDescriptorInfo(source.read(set.images.front().path));
+    info.name = "features-" + std::to_string(rows.size());  // the label may be no file's name
+    rows.push_back({source.label, MakeForeignDescriptor(std::move(info)), source.read});
+  }
+  return rows;
+}
+
 }  // namespace
 
 RetrievalReport EvaluateRetrieval(const RetrievalSet& set, const RetrievalOptions& options) {
   Validate(options);
   const Stopwatch watch;
-  std::vector<std::shared_ptr<const Descriptor>> descriptors;  // all, before the long work begins
-  for (const std::string& name : options.descriptors) {
-    descriptors.push_back(MakeDescriptor(name, options.descriptor_options));
-  }
+  const std::vector<Row> rows = MakeRows(set, options);  // all, before the long work begins
   const DatabaseFolder folder(options.cache);
+  const DatabaseFolder temporary("");  // features from elsewhere may be others the next time
   RetrievalReport report;
   report.seeds = options.seeds;
   std::vector<RetrievalProtocol> product = options.protocols;
   const bool paper = std::erase(product, RetrievalProtocol::kPaper) > 0;
   // Runs work(run) on the set, described as the product does (enlarge) or as the paper does.
-  const auto with_gallery = [&](const std::shared_ptr<const Descriptor>& descriptor, bool enlarge,
-                                const auto& work) {
-    const DescriptorInfo& info = descriptor->info();
+  const auto with_gallery = [&](const Row& row, bool enlarge, const auto& work) {
+    const DatabaseFolder& databases = row.features ? temporary : folder;
     RetrievalGalleryOptions gallery_options;
-    gallery_options.descriptor = descriptor;
+    gallery_options.descriptor = row.descriptor;
+    gallery_options.features = row.features;
     gallery_options.extraction = options.extraction;
     gallery_options.enlarge = enlarge;
-    gallery_options.database = folder.Database(info, options.extraction, enlarge);
-    gallery_options.keep_features = folder.stays();
+    gallery_options.database =
+        databases.Database(row.descriptor->info(), options.extraction, enlarge);
+    gallery_options.keep_features = databases.stays();
     gallery_options.jobs = options.jobs;
     gallery_options.stop = options.stop;
     gallery_options.progress = [&](std::size_t done, std::size_t total) {
-      if (options.progress) options.progress("describing with " + info.name, done, total);
+      if (options.progress) options.progress("describing with " + row.label, done, total);
     };
     RetrievalGallery gallery(set, gallery_options);
-    Run run(gallery, info.name, options);
+    Run run(gallery, row.label, options);
     work(run);
     DescribeSet(gallery.set(), &report);
   };
-  for (const auto& descriptor : descriptors) {
+  for (const Row& row : rows) {
     if (paper) {
-      with_gallery(descriptor, false, [&](Run& run) {
+      with_gallery(row, false, [&](Run& run) {
         run.Measure(kPaperWords, kPaperSample, {RetrievalProtocol::kPaper}, &report.results);
       });
     }
     if (product.empty()) continue;
-    with_gallery(descriptor, true, [&](Run& run) {
+    with_gallery(row, true, [&](Run& run) {
       for (const int words : options.words) {
         run.Measure(words, options.sample, product, &report.results);
       }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "descriptor/features/foreign_features.h"
 #include "index/evaluation/retrieval_gallery.h"
 #include "index/evaluation/retrieval_metrics.h"
 #include "index/evaluation/retrieval_set.h"
@@ -33,6 +34,7 @@ inline const std::vector<std::pair<std::string, RetrievalProtocol>> kRetrievalPr
 
 struct RetrievalOptions {
   std::vector<std::string> descriptors = {"deal"};
+  std::vector<FeatureSource> features;  // further rows
   DescriptorOptions descriptor_options;
   ExtractionOptions extraction = IndexExtraction();
   std::vector<RetrievalProtocol> protocols = {RetrievalProtocol::kPaper,

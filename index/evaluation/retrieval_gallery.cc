@@ -124,19 +124,31 @@ void RetrievalGallery::Add(const RetrievalImage& image, const std::string& id, B
   AddRequest request;
   request.bytes = bytes;
   request.id = id;
+  std::optional<Features> foreign;
+  if (options_.features) {  // with the colours that images of Pliant's own descriptors have
+    foreign = options_.features(image.path);
+    DecodeOptions decode = options_.extraction.decode;
+    decode.colour = true;
+    foreign->colours = MakeColourGrid(DecodeImage(bytes, decode).image);
+  }
+  const auto add = [&](const char* collection) {
+    request.collection = collection;
+    if (foreign) {
+      engine_.AddFeatures(request, *foreign);
+    } else {
+      engine_.Add(request);
+    }
+  };
   request.as_query = !image.is_searched;
   if (options_.keep_features) {  // the other collections find the features there, by the same bytes
-    request.collection = kFeatures;
-    engine_.Add(request);
+    add(kFeatures);
   }
   request.object = image.object;
   if (image.is_searched) {
-    request.collection = kSearched;
-    engine_.Add(request);
+    add(kSearched);
   }
   if (image.is_query || image.is_absent) {
-    request.collection = kQueries;
-    engine_.Add(request);
+    add(kQueries);
   }
 }
 
@@ -162,6 +174,7 @@ SearchResult RetrievalGallery::Search(std::size_t image, SearchOptions search) {
   ThrowIfStopped();
   search.collection = kSearched;
   const Features features = engine_.GetFeatures(kQueries, ids_[image]);
+  if (options_.features) return engine_.SearchFeatures(features, search);
   return engine_.SearchFeatures(features, search,
                                 [&](ExtractionTimings*) { return SecondPass(image, features); });
 }
@@ -283,6 +296,7 @@ std::size_t RetrievalGallery::refused_queries() const {
 }
 
 void RetrievalGallery::TimeExtraction(RetrievalTimes* times) {
+  if (options_.features) return;
   const FeatureExtractor extractor(options_.descriptor, options_.extraction);
   std::vector<std::size_t> timed;
   for (const std::size_t q : queries_) {

@@ -21,6 +21,8 @@ namespace pliant {
 
 struct RetrievalGalleryOptions {
   std::shared_ptr<const Descriptor> descriptor;
+  // Present: the features come from elsewhere; `descriptor` has only their form.
+  std::function<Features(const std::filesystem::path& image)> features;
   ExtractionOptions extraction = IndexExtraction();
   bool enlarge = true;             // EngineOptions::enlarge
   std::filesystem::path database;  // created if it does not exist
@@ -106,7 +108,8 @@ class RetrievalGallery {
 
   bool several_images_of_an_object() const { return several_images_of_an_object_; }
 
-  // Decoding, detection and description of the first queries (20 at most), one at a time.
+  // Decoding, detection and description of the first queries (20 at most), one at a time. Nothing
+  // for features from elsewhere.
   void TimeExtraction(RetrievalTimes* times);
 
   double StoredBytesPerImage();  // keypoints and descriptors, mean of 100 images

@@ -189,7 +189,7 @@ void CollectSimilar(SelfTestReport* report) {
   for (const SelfTestPhoto& asked : report->photos) {
     if (!asked.false_alarm) continue;
     const auto names =
-        std::minmax(name(asked.object, asked.image_id), name(asked.other, asked.other_image));
+        std::minmax({name(asked.object, asked.image_id), name(asked.other, asked.other_image)});
     SimilarObjects& pair = pairs
                                .try_emplace({names.first, names.second},
                                             SimilarObjects{asked.object, asked.image_id,

@@ -14,6 +14,7 @@ void BindExtractor(py::module_& module);
 void BindMatching(py::module_& module);
 void BindIndex(py::module_& module);
 void BindTracking(py::module_& module);
+void BindEvaluation(py::module_& module);
 void BindSimulation(py::module_& module);
 
 }  // namespace pliant::python

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "descriptor/base/error.h"
+#include "descriptor/features/foreign_features.h"
 #include "index/engine/engine.h"
 #include "index/import/folder_import.h"
 #include "index/json/record_json.h"
@@ -81,12 +82,17 @@ Value Named(const char* field, const std::string& given,
 }
 
 std::unique_ptr<OpenIndex> Open(const std::string& database, const std::string& collection,
-                                const std::string& descriptor, const std::string& model,
-                                bool create, bool read_only, std::optional<int> max_keypoints,
-                                std::optional<int> max_side, bool keep_originals,
-                                const std::string& originals_dir, double busy_timeout) {
-  const py::gil_scoped_release release;
+                                const std::string& descriptor, const py::object& own,
+                                const std::string& model, bool create, bool read_only,
+                                std::optional<int> max_keypoints, std::optional<int> max_side,
+                                bool keep_originals, const std::string& originals_dir,
+                                double busy_timeout) {
   EngineOptions options;
+  if (!own.is_none()) {
+    options.custom_descriptor =
+        MakeForeignDescriptor(ForeignDescriptorInfo(ToFeatures(own, "descriptor")));
+  }
+  const py::gil_scoped_release release;
   options.database = database;
   options.descriptor = descriptor;
   options.descriptor_options.model_path = model;
@@ -105,25 +111,43 @@ std::unique_ptr<OpenIndex> Open(const std::string& database, const std::string& 
 
 // --- images and objects
 
-// (outcome, the JSON text of the record)
-std::pair<std::string, std::string> Add(const OpenIndex& index, const py::bytes& data,
-                                        const std::string& object,
-                                        const std::optional<std::string>& id,
-                                        const std::string& metadata, const std::string& source,
-                                        int threads) {
+// (outcome, the JSON text of the record); `features`: null if the bytes are to be described.
+std::pair<std::string, std::string> AddAs(const OpenIndex& index, Bytes bytes,
+                                          const Features* features, const std::string& object,
+                                          const std::optional<std::string>& id,
+                                          const std::string& metadata, const std::string& source,
+                                          int threads) {
   AddRequest request;
   request.collection = index.collection();
   request.id = id;
   request.object = object;
   request.metadata = metadata;
   request.source = source;
-  request.bytes = ViewOf(data);
+  request.bytes = bytes;
   request.threads = threads;
-  return index.Call([&request](Engine& engine, const std::string&) {
-    const AddResult result = engine.Add(request);
+  return index.Call([&](Engine& engine, const std::string&) {
+    const AddResult result =
+        features != nullptr ? engine.AddFeatures(request, *features) : engine.Add(request);
     return std::pair<std::string, std::string>(OutcomeName(result.outcome),
                                                ToText(ImageJson(result.image)));
   });
+}
+
+std::pair<std::string, std::string> Add(const OpenIndex& index, const py::bytes& data,
+                                        const std::string& object,
+                                        const std::optional<std::string>& id,
+                                        const std::string& metadata, const std::string& source,
+                                        int threads) {
+  return AddAs(index, ViewOf(data), nullptr, object, id, metadata, source, threads);
+}
+
+std::pair<std::string, std::string> AddFeatures(const OpenIndex& index, const py::object& features,
+                                                const std::string& object,
+                                                const std::optional<std::string>& id,
+                                                const std::string& metadata,
+                                                const std::string& source, int threads) {
+  const Features given = ToFeatures(features, "features");
+  return AddAs(index, {}, &given, object, id, metadata, source, threads);
 }
 
 std::string AddFolders(const OpenIndex& index, const std::vector<std::string>& folders,
@@ -351,11 +375,12 @@ void Backup(Engine& engine, const std::string&, const std::string& path) { engin
 void BindIndex(py::module_& module) {
   py::class_<OpenIndex>(module, "Index")
       .def(py::init(&Open), py::arg("database"), py::arg("collection"), py::arg("descriptor"),
-           py::arg("model"), py::arg("create"), py::arg("read_only"), py::arg("max_keypoints"),
-           py::arg("max_side"), py::arg("keep_originals"), py::arg("originals_dir"),
-           py::arg("busy_timeout"))
+           py::arg("own"), py::arg("model"), py::arg("create"), py::arg("read_only"),
+           py::arg("max_keypoints"), py::arg("max_side"), py::arg("keep_originals"),
+           py::arg("originals_dir"), py::arg("busy_timeout"))
       .def("close", &OpenIndex::Close, py::call_guard<py::gil_scoped_release>())
       .def("add", &Add)
+      .def("add_features", &AddFeatures)
       .def("add_folders", &AddFolders)
       .def("list", Method(&List))
       .def("get", Method(&Get))

@@ -55,5 +55,6 @@ PYBIND11_MODULE(_native, module) {
   pliant::python::BindMatching(module);
   pliant::python::BindIndex(module);
   pliant::python::BindTracking(module);
+  pliant::python::BindEvaluation(module);
   pliant::python::BindSimulation(module);
 }

@@ -16,6 +16,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from pliant._version import __version__
 from pliant.client import Client
 from pliant.errors import (CancelledError, ConflictError, ConnectionFailedError, CorruptError, Error, ForbiddenError,
                            InternalError, InvalidArgumentError, NoSpaceError, NotFoundError, ReadOnlyError,
@@ -23,6 +24,7 @@ from pliant.errors import (CancelledError, ConflictError, ConnectionFailedError,
                            UnsupportedMediaTypeError)
 
 if TYPE_CHECKING:
+    from pliant.evaluation import evaluate_matching, evaluate_retrieval
     from pliant.features import Extractor, Features, describe, descriptor_names
     from pliant.index import Index
     from pliant.matching import Matches, Verification, Warp, match, verify
@@ -30,16 +32,14 @@ if TYPE_CHECKING:
     from pliant.simulation import SimulationReport, simulate
     from pliant.tracking import TrackedFrame, Tracker, track
 
-__version__ = "0.1.0"
-
-_MODULES = ("features", "index", "matching", "records", "simulation", "tracking")
+_MODULES = ("evaluation", "features", "index", "matching", "records", "simulation", "tracking")
 
 __all__ = ["CancelledError", "Client", "ConflictError", "ConnectionFailedError", "CorruptError", "Error", "Extractor",
            "Features", "FolderReport", "ForbiddenError", "Hit", "Index", "Instance", "InternalError",
            "InvalidArgumentError", "Matches", "NoSpaceError", "NotFoundError", "Image", "ReadOnlyError",
            "SearchResult", "SimulationReport", "TooLargeError", "TrackedFrame", "Tracker", "UnauthorizedError",
            "UnavailableError", "UnprocessableError", "UnsupportedMediaTypeError", "Verification", "Vocabulary", "Warp",
-           "describe", "descriptor_names", "match", "simulate", "track", "verify"]
+           "describe", "descriptor_names", "evaluate_matching", "evaluate_retrieval", "match", "simulate", "track", "verify"]
 
 
 def __getattr__(name: str) -> Any:

@@ -24,6 +24,7 @@ class Index:
     db: the file; created if it does not exist and `create`.
     collection: created if it does not exist and `create`; "default" always exists.
     descriptor: for a new database, deal by default. ConflictError "model_mismatch" if an existing database has another.
+        Features of your own descriptor make a database of such features: `add` and `search` then take Features only.
     model: weight file for deal; None: the installed one.
     max_keypoints, max_side: how a new database describes its images (512 and 1024 pixels). ConflictError
         "extraction_mismatch" if an existing database has other values.
@@ -31,14 +32,16 @@ class Index:
     busy_timeout: seconds to wait for another process's write before UnavailableError.
     """
 
-    def __init__(self, db: str | os.PathLike[str], *, collection: str = "default", descriptor: str = "",
+    def __init__(self, db: str | os.PathLike[str], *, collection: str = "default", descriptor: str | Features = "",
                  model: str | os.PathLike[str] | None = None, create: bool = True, read_only: bool = False,
                  max_keypoints: int | None = None, max_side: int | None = None, keep_originals: bool = True,
                  originals_dir: str | os.PathLike[str] | None = None, busy_timeout: float = 10.0) -> None:
         if not 0 <= busy_timeout <= 1e6:
             raise InvalidArgumentError(f"busy_timeout must be 0 to 1000000 s, not {busy_timeout}", code="out_of_range")
+        own = descriptor if isinstance(descriptor, Features) else None
         self._native = _native.Index(
-            _checks.path("db", db), _checks.text("collection", collection), _checks.text("descriptor", descriptor),
+            _checks.path("db", db), _checks.text("collection", collection),
+            _checks.text("descriptor", "" if isinstance(descriptor, Features) else descriptor), own,
             default_model() if model is None else _checks.path("model", model), bool(create), bool(read_only),
             None if max_keypoints is None else _checks.whole("max_keypoints", max_keypoints, 1, 4096),
             None if max_side is None else _checks.whole("max_side", max_side, 16, 65536), bool(keep_originals),
@@ -58,10 +61,11 @@ class Index:
 
     # Images
 
-    def add(self, image: images.ImageLike, *, object: str = "", id: str | None = None,
+    def add(self, image: images.ImageLike | Features, *, object: str = "", id: str | None = None,
             metadata: dict[str, Any] | None = None, source: str | None = None, channels: str = "RGB",
             threads: int = 0) -> records.Image:
-        """Adds an image. An array is stored as a PNG.
+        """Adds an image. An array is stored as a PNG. Features of the index's own model add an image that you described;
+        it has no `content`.
 
         object: the object in the image; searches group by it. metadata: a dict of JSON values, for filters.
         id: replaces an existing image. None: the id comes from the image's bytes. Adding stored bytes again is
@@ -72,10 +76,13 @@ class Index:
             source = ""
             if isinstance(image, (str, os.PathLike)):
                 source = _checks.shown(os.fsencode(image))
-        outcome, record = self._native.add(
-            images.encoded(image, channels), _checks.text("object", object),
-            None if id is None else _checks.text("id", id), _json("metadata", metadata or {}),
-            _checks.text("source", source), _checks.whole("threads", threads, 0, 1024))
+        record_parts = (_checks.text("object", object), None if id is None else _checks.text("id", id),
+                        _json("metadata", metadata or {}), _checks.text("source", source),
+                        _checks.whole("threads", threads, 0, 1024))
+        if isinstance(image, Features):
+            outcome, record = self._native.add_features(image, *record_parts)
+        else:
+            outcome, record = self._native.add(images.encoded(image, channels), *record_parts)
         return records.image(json.loads(record), outcome)
 
     def add_folder(self, *folders: str | os.PathLike[str], object_from: str = "auto", threads: int = 0,

@@ -3,7 +3,7 @@
 // Objects and images in lists without an end, the form above each list, and the page of an object.
 import * as api from "./api.js";
 import { deleteHereButton, imageCard, objectCard } from "./cards.js";
-import { byId, count, make, makeButton, onSubmit, say } from "./dom.js";
+import { byId, count, make, makeButton, onSubmit, say, sayError } from "./dom.js";
 import { renameButton } from "./edit.js";
 import { link, makeBackLink, replaceAddress, setTitle, showCurrent, showing } from "./router.js";
 import { makeSelection } from "./select.js";
@@ -42,7 +42,7 @@ function makeList({ place, label, fetchPage, onTotal = () => {}, card, none }) {
     } catch (error) {
       if (number !== latest) return null;
       if (!cursor) list.replaceChildren();
-      say(status, error.message, true);
+      sayError(status, error, cursor ? null : showCurrent);  // "Show more" asks for a page again
       next = cursor || null;
       return null;
     } finally {
@@ -215,7 +215,7 @@ export const objectView = {
       if (number !== latest) return;
       await listed;
       images.bar.hidden = error.status === 404;
-      say(images.status, error.status === 404 ? `There is no object named ${name}.` : error.message, true);
+      sayError(images.status, error.status === 404 ? { message: `There is no object named ${name}.` } : error, showCurrent);
     }
     await listed;
   },

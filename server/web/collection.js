@@ -137,7 +137,7 @@ async function refresh() {
     say(byId("collection-status"), "");
     const isPreparing = record.images && !record.vocabulary;  // training starts a moment after the first images
     if (isPreparing || mine.some(isActive)) timer = setTimeout(refresh, kPollMs);
-  });
+  }, refresh);
 }
 
 export const collectionView = {

@@ -298,4 +298,4 @@ attempt(byId("docs-status"), async () => {
   show(await ask("v1/openapi.json"));
   openFromAddress();
   addEventListener("hashchange", openFromAddress);
-});
+}, () => location.reload());

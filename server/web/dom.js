@@ -35,9 +35,22 @@ export function say(place, text, isError = false) {
   place.classList.toggle("error", isError);
 }
 
+// Says what went wrong. If the same may work later (no answer, or a busy server), a button calls again().
+export function sayError(place, { message, status }, again) {
+  if (!again || ![0, 408, 429, 500, 502, 503, 504].includes(status)) {
+    say(place, message, true);
+  } else if (place.textContent !== `${message} Try again`) {  // else the button keeps the focus
+    say(place, message, true);
+    place.append(" ", smallButton("Try again", () => {
+      (place.closest(".view") ?? document).querySelector("h1").focus();
+      again();
+    }));
+  }
+}
+
 // Runs the action, and says what went wrong. Returns whether nothing did.
-export const attempt = (place, action) => Promise.resolve().then(action).then(() => true, (error) => {
-  say(place, error.message, true);
+export const attempt = (place, action, again) => Promise.resolve().then(action).then(() => true, (error) => {
+  sayError(place, error, again);
   return false;
 });
 

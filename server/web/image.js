@@ -138,5 +138,5 @@ export async function show(parameters) {
     byId("image-body").hidden = false;
     showRecord(image);
     showLarge(image);
-  });
+  }, () => show(parameters));
 }

@@ -68,7 +68,7 @@ async function refresh() {
     byId("keys-none").hidden = !isFirst;
     byId("keys-table").hidden = !keys.length;
     byId("keys-list").replaceChildren(...keys.map((key) => row(key, me.key?.id)));
-  });
+  }, show);
   if (!done) byId("keys-list").replaceChildren();
 }
 

@@ -5,7 +5,7 @@ import { take } from "./add.js";
 import * as api from "./api.js";
 import { hideComparison, showComparison } from "./compare.js";
 import { refreshDemonstration, whenExampleIsChosen } from "./demo.js";
-import { byId, copyText, count, make, say } from "./dom.js";
+import { byId, copyText, count, make, say, sayError } from "./dom.js";
 import { decode, storedImage } from "./draw.js";
 import { filterParameters, filterSettings, forgetLimits, isFiltered, takeFilters, whenFiltersChange } from "./filters.js";
 import { accept, fileOfData, refuseOther } from "./incoming.js";
@@ -86,7 +86,7 @@ async function run(offset = 0) {
     if (mine === running) showAnswer(answer, offset, { inPart: Boolean(region), grouped: settings.group_by === "object" });
   } catch (error) {
     if (error.name === "AbortError" || mine !== running) return;
-    say(status, error.message, true);
+    sayError(status, error, () => run(offset));
     forgetHits();
     drawStage(query, [], null);
     byId("query-figure").hidden = !query.bitmap;  // it comes with an answer only

@@ -3,6 +3,7 @@
 // Every case, one after the other: they share the machine's cores with the server.
 import "./cases/visit.mjs";
 import "./cases/search.mjs";
+import "./cases/again.mjs";
 import "./cases/answer.mjs";
 import "./cases/several.mjs";
 import "./cases/phone.mjs";

@@ -29,9 +29,9 @@ def pattern(seed, width=160, height=120):
     return image
 
 
-def other_view(seed):
+def other_view(seed, width=160, height=120):
     """The same scene, bent a little and brighter."""
-    image = pattern(seed)
+    image = pattern(seed, width, height)
     y, x = np.mgrid[:image.shape[0], :image.shape[1]].astype(np.float64)
     rows = np.clip(np.rint(y + 2 * np.sin(x / 40)), 0, image.shape[0] - 1).astype(int)
     columns = np.clip(np.rint(x + 3 + 2 * np.sin(y / 30)), 0, image.shape[1] - 1).astype(int)

@@ -111,6 +111,8 @@ class Routes(FolderCase):
         with server(self.folder) as (address, _):
             with urllib.request.urlopen(f"{address}/v1/openapi.json", timeout=60) as answer:
                 self.document = json.load(answer)
+            with urllib.request.urlopen(f"{address}/metrics", timeout=60) as answer:  # where the page takes the version from
+                self.metrics = answer.read().decode()
         self.operations = {operation["operationId"]: (method.upper(), path, operation)
                            for path, item in self.document["paths"].items() for method, operation in item.items()
                            if "operationId" in operation}
@@ -142,8 +144,14 @@ class Routes(FolderCase):
         def said(program):
             return subprocess.run([BIN / program, "--version"], stdout=subprocess.PIPE, text=True, check=True, timeout=60).stdout.split()[1]
 
-        cited, = re.findall(r"^version: (\S+)$", (REPOSITORY / "CITATION.cff").read_text(), re.MULTILINE)
-        self.assertEqual({said("pliant"), said("pliant-server"), self.document["info"]["version"], cited}, {pliant.__version__})
+        def written(file, expression):
+            return re.search(expression, (REPOSITORY / file).read_text(), re.MULTILINE)[1]
+
+        versions = {said("pliant"), said("pliant-server"), self.document["info"]["version"],
+                    re.search(r'^pliant_info\{.*version="([^"]+)"', self.metrics, re.MULTILINE)[1],
+                    written("CMakeLists.txt", r"^project\(Pliant VERSION (\S+)"), written("CITATION.cff", r"^version: (\S+)$"),
+                    written("CHANGELOG.md", r"^## ([\d.]+)")}
+        self.assertEqual(versions, {pliant.__version__})
 
 
 if __name__ == "__main__":

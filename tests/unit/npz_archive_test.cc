@@ -3,6 +3,7 @@
 // Archives of NumPy, read by Python's zipfile: NumPy itself reads them in tests/python.
 #include <array>
 #include <cstdio>
+#include <fstream>
 #include <memory>
 #include <string>
 
@@ -10,7 +11,9 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include "descriptor/base/error.h"
 #include "index/files/features_npz.h"
+#include "index/files/read_npz.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
 
@@ -142,6 +145,67 @@ TEST(NpzArchiveTest, FeaturesOfNoImage) {
   features.descriptors = Descriptors::Binary(0, 32);
   FeaturesArchive other(totals, [](std::uint64_t, std::string_view) {});
   ExpectError(ErrorCode::kInternal, "archive_incomplete", [&] { other.Add("a", "", features); });
+}
+
+// A file of two keypoints, and how it is read after a change.
+class ReadNpzTest : public ::testing::Test {
+ protected:
+  static Features Written() {
+    Features features;
+    features.width = 64;
+    features.height = 48;
+    features.keypoints = {{1.5F, 2, 3, 4, 0.5F, 6}, {10, 20, 30, 40, 0.25F, -1}};
+    features.descriptors = Descriptors::Float(2, 3);
+    features.descriptors.floats = {1, 2, 3, 4, 5, 6};
+    features.model_id = "other:1";
+    return features;
+  }
+  Features Read(const std::string& file) {
+    std::ofstream(path_, std::ios::binary) << file;
+    return ReadFeaturesNpz(path_);
+  }
+
+  const TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_.path() / "a.npz";
+};
+
+TEST_F(ReadNpzTest, ReadsWhatIsWritten) {
+  Features features = Written();
+  Features read = Read(FeaturesNpz(features));
+  EXPECT_EQ(read.keypoints, features.keypoints);
+  EXPECT_EQ(read.descriptors.floats, features.descriptors.floats);
+  EXPECT_EQ(read.descriptors.dim, 3);
+  EXPECT_EQ(read.model_id, "other:1");
+  EXPECT_EQ(read.width, 64);
+  EXPECT_EQ(read.height, 48);
+  features.descriptors = Descriptors::Binary(2, 1);
+  features.descriptors.bytes = {7, 8};
+  read = Read(FeaturesNpz(features));
+  EXPECT_EQ(read.descriptors.kind, DescriptorKind::kBinary);
+  EXPECT_EQ(read.descriptors.bytes, features.descriptors.bytes);
+}
+
+// The archive has no checksum over its directory: a change there can go unnoticed, but is never
+// read beyond the file.
+TEST_F(ReadNpzTest, RefusesDamage) {
+  const std::string file = FeaturesNpz(Written());
+  for (std::size_t length = 0; length < file.size(); ++length) {
+    ExpectError(ErrorCode::kCorrupt, "features_unreadable", [&] { Read(file.substr(0, length)); });
+  }
+  int refused = 0;
+  for (std::size_t i = 0; i < file.size(); ++i) {
+    std::string damaged = file;
+    damaged[i] = static_cast<char>(damaged[i] ^ (i % 2 == 0 ? '\x01' : '\xFF'));
+    try {
+      Read(damaged);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.reason(), "features_unreadable") << i;
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, static_cast<int>(file.size()) / 2);
+  ExpectError(ErrorCode::kNotFound, "cannot_read",
+              [&] { ReadFeaturesNpz(folder_.path() / "none.npz"); });
 }
 
 }  // namespace

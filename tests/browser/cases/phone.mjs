@@ -12,6 +12,8 @@ test("the camera comes first; the answer is on the first screen", async () => {
   const objects = await house.loadDemonstration(server.address);
   const page = await house.openPage(server.address, kPhone);
   const camera = page.getByText("Take a photo").first();
+  const shown = await camera.boundingBox();
+  assert.ok(shown.y >= 0 && shown.y + shown.height <= kPhone.height, "the camera is on the first screen");
   const choose = page.getByText("Choose a photo");
   assert.ok((await camera.boundingBox()).y <= (await choose.boundingBox()).y, "above or beside");
   const colour = (label) => label.evaluate((one) => getComputedStyle(one).backgroundColor);
