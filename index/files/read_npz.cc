@@ -3,6 +3,7 @@
 #include "index/files/read_npz.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -25,6 +26,7 @@ constexpr std::int64_t kMaxBytes = 256LL << 20;  // of a file, and of an unpacke
 constexpr std::int64_t kMaxColumns = 1 << 14;    // of descriptors
 constexpr float kMostValue = 1e9F;               // of a keypoint
 constexpr std::int64_t kMostSide = 1'000'000;    // pixels
+constexpr std::uint32_t kIn64 = 0xFFFFFFFF;      // the number is where ZIP64 says
 constexpr std::uint16_t kStored = 0;             // methods of zip
 constexpr std::uint16_t kDeflated = 8;
 
@@ -44,7 +46,7 @@ struct Array {
   }
 };
 
-// A zip archive without ZIP64 and comment (PKWARE's APPNOTE.TXT, section 4.3), of .npy files
+// A zip archive without comment (PKWARE's APPNOTE.TXT, section 4.3), of .npy files
 // (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html).
 class NpzFile {
  public:
@@ -70,6 +72,10 @@ class NpzFile {
     std::memcpy(&value, Part(all, offset, sizeof value).data(), sizeof value);
     return value;
   }
+  // Where the directory begins, and its number of entries.
+  std::pair<std::uint64_t, std::uint64_t> Directory() const;
+  // Of an entry: packed and unpacked size, and the offset of the head.
+  std::array<std::uint64_t, 3> Sizes(Bytes entry) const;
   std::vector<std::uint8_t> Unpack(Bytes entry) const;
   Array ParseNpy(const std::string& array, std::vector<std::uint8_t> file) const;
 
@@ -77,15 +83,40 @@ class NpzFile {
   std::vector<std::uint8_t> bytes_;
 };
 
+std::pair<std::uint64_t, std::uint64_t> NpzFile::Directory() const {
+  constexpr std::uint64_t kEnd = 22;
+  constexpr std::uint64_t kLocator = 20;  // of ZIP64, before the end
+  const std::uint64_t at = std::max<std::uint64_t>(bytes_.size(), kEnd) - kEnd;
+  const auto offset = Number<std::uint32_t>(bytes_, at + 16);
+  if (offset != kIn64) return {offset, Number<std::uint16_t>(bytes_, at + 10)};
+  const auto end = Number<std::uint64_t>(bytes_, at - kLocator + 8);
+  return {Number<std::uint64_t>(Part(bytes_, end, 56), 48),
+          Number<std::uint64_t>(Part(bytes_, end, 56), 32)};
+}
+
+std::array<std::uint64_t, 3> NpzFile::Sizes(Bytes entry) const {
+  const auto name = Number<std::uint16_t>(entry, 28);
+  const Bytes extra = Part(entry, 46 + std::uint64_t{name}, Number<std::uint16_t>(entry, 30));
+  const bool is_64 = extra.size() > 4 && Number<std::uint16_t>(extra, 0) == 1;
+  std::uint64_t at = 4;
+  const auto read = [&](std::uint64_t offset) -> std::uint64_t {
+    const auto number = Number<std::uint32_t>(entry, offset);
+    if (number != kIn64 || !is_64) return number;
+    at += 8;
+    return Number<std::uint64_t>(extra, at - 8);
+  };
+  const std::uint64_t size = read(24);  // in this order
+  const std::uint64_t packed = read(20);
+  return {packed, size, read(42)};
+}
+
 // The content of a file, from its entry in the directory.
 std::vector<std::uint8_t> NpzFile::Unpack(Bytes entry) const {
   const auto method = Number<std::uint16_t>(entry, 10);
-  const auto packed_size = Number<std::uint32_t>(entry, 20);
-  const auto size = Number<std::uint32_t>(entry, 24);
-  const auto head = Number<std::uint32_t>(entry, 42);
-  const std::uint64_t begin = std::uint64_t{head} + 30 +
-                              Number<std::uint16_t>(bytes_, std::uint64_t{head} + 26) +
-                              Number<std::uint16_t>(bytes_, std::uint64_t{head} + 28);
+  const auto [packed_size, size, offset] = Sizes(entry);
+  const Bytes head = Part(bytes_, offset, 30);
+  const std::uint64_t begin =
+      offset + 30 + Number<std::uint16_t>(head, 26) + Number<std::uint16_t>(head, 28);
   const Bytes packed = Part(bytes_, begin, packed_size);
   if (size > kMaxBytes || (method != kStored && method != kDeflated)) {
     Fail("it has an array of over 256 MiB, or is packed in an unknown way");
@@ -95,9 +126,9 @@ std::vector<std::uint8_t> NpzFile::Unpack(Bytes entry) const {
     content.assign(size, 0);
     z_stream stream{};
     stream.next_in = const_cast<Bytef*>(packed.data());  // zlib only reads
-    stream.avail_in = packed_size;
+    stream.avail_in = static_cast<uInt>(packed_size);
     stream.next_out = content.data();
-    stream.avail_out = size;
+    stream.avail_out = static_cast<uInt>(size);
     const bool begun = inflateInit2(&stream, -MAX_WBITS) == Z_OK;
     const int ended = begun ? inflate(&stream, Z_FINISH) : Z_MEM_ERROR;
     if (begun) inflateEnd(&stream);
@@ -149,14 +180,13 @@ Array NpzFile::ParseNpy(const std::string& array, std::vector<std::uint8_t> file
 
 Array NpzFile::Read(const std::string& array, const std::string& types,
                     std::size_t dimensions) const {
-  constexpr std::uint64_t kEnd = 22;
-  const Bytes end = Part(bytes_, std::max<std::uint64_t>(bytes_.size(), kEnd) - kEnd, kEnd);
-  std::uint64_t at = Number<std::uint32_t>(end, 16);
-  for (int i = Number<std::uint16_t>(end, 10); i > 0; --i) {
-    const Bytes entry = Part(bytes_, at, 46);
-    const auto length = Number<std::uint16_t>(entry, 28);
+  auto [at, entries] = Directory();
+  for (; entries > 0; --entries) {
+    const Bytes fixed = Part(bytes_, at, 46);
+    const auto length = Number<std::uint16_t>(fixed, 28);
     const Bytes name = Part(bytes_, at + 46, length);
-    at += 46ULL + length + Number<std::uint16_t>(entry, 30) + Number<std::uint16_t>(entry, 32);
+    const Bytes entry = Part(bytes_, at, 46ULL + length + Number<std::uint16_t>(fixed, 30));
+    at += entry.size() + Number<std::uint16_t>(fixed, 32);
     if (std::string(name.begin(), name.end()) != array + ".npy") continue;
     Array found = ParseNpy(array, Unpack(entry));
     const std::string kind = found.dtype.starts_with("<U") ? "<U" : found.dtype;
