@@ -38,13 +38,14 @@ TEST_F(JobsTest, GoOnAfterARestart) {
 
 // kill -9 between the answer to a cancellation and the end of the job.
 TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
-  std::promise<void> let_go;
+  std::promise<void> told, let_go;
   Jobs jobs(*store_);
   jobs.Register("wait", Kind([&](const JobStatus&, const JobContext& context) {
                   while (!context.stop.stop_requested()) {
                     std::this_thread::sleep_for(milliseconds(1));
                   }
                   context.progress(1, 2);
+                  told.set_value();
                   let_go.get_future().wait();  // it does not end at once
                   return std::string("/done");
                 }));
@@ -52,6 +53,7 @@ TEST_F(JobsTest, AreNotBegunAgainAfterTheyWereCancelled) {
   const std::string id = jobs.Add("wait", "a", Json::object()).id;
   while (jobs.Get(id).state != JobState::kRunning) std::this_thread::sleep_for(milliseconds(1));
   EXPECT_EQ(jobs.Cancel(id).state, JobState::kRunning);
+  told.get_future().wait();
   {
     Jobs later(*store_);  // what the next start of the server finds
     later.Register("wait", Kind([](const JobStatus&, const JobContext&) -> std::string {
