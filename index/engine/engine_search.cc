@@ -166,9 +166,8 @@ void Conclude(const Features& query, std::size_t usual_keypoints, const Features
   const double evidence =
       Evidence(result.effective_inliers,
                InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing));
-  const auto appearance = CompareAppearance(query, reference, result);
-  comparison->explanation.appearance = appearance;
-  comparison->probability = Rounded(Probability(kNoResemblance, evidence) * SameObject(appearance));
+  comparison->explanation.appearance = CompareAppearance(query, reference, result);
+  comparison->probability = Rounded(Probability(kNoResemblance, evidence));
 }
 
 // Throws kInvalidArgument that names the option.

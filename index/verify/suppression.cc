@@ -17,6 +17,8 @@
 namespace pliant {
 namespace {
 
+// Evidence of a sibling, before the exclusive assignment of matches.
+constexpr double kSiblings = 1;
 // Less probable images do not compete.
 constexpr double kLeastProbability = 0.05;
 // The odds of overlapping objects differ by more than their evidence says: both match their common
@@ -49,6 +51,7 @@ struct Detection {
   std::size_t kept = 0;      // matches that the object keeps
   double odds = 0;           // of what is seen here alone
   double same = 1;           // SameObject
+  bool competes = true;
 };
 
 double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
@@ -62,7 +65,9 @@ std::vector<Detection> DetectionsIn(const Features& query,
   for (std::size_t i = 0; i < images.size(); ++i) {
     const VerifiedImage& image = images[i];
     const std::int64_t object = image.image.object;
-    if (object == 0 || image.probability < kLeastProbability) continue;
+    const bool resembles = Evidence(image.effective_inliers(), image.by_chance) >= kSiblings;
+    const bool competes = image.probability >= kLeastProbability;
+    if (object == 0 || !(competes || resembles)) continue;
     std::size_t begin = 0;
     for (std::size_t k = 0; k < image.instances.size(); ++k) {
       const Instance& instance = image.instances[k];
@@ -87,7 +92,7 @@ std::vector<Detection> DetectionsIn(const Features& query,
                           std::pow(Odds(std::min(same, kJudgement.usually_same)), 1 / kSharpness);
       const Box box(outline);
       detections.push_back(
-          {i, k, object, std::move(outline), std::move(points), box, kept, odds, same});
+          {i, k, object, std::move(outline), std::move(points), box, kept, odds, same, competes});
     }
   }
   return detections;
@@ -106,6 +111,7 @@ double Doubt(double others_odds, double odds) {
 struct Competition {
   double doubt = 0;            // by all of them
   bool is_suppressed = false;  // one of them keeps more matches
+  bool has_siblings = false;   // the collection has objects that match here, too
 };
 
 Competition CompetitionOf(const Detection& own, const std::vector<Detection>& detections) {
@@ -113,17 +119,14 @@ Competition CompetitionOf(const Detection& own, const std::vector<Detection>& de
   std::map<std::int64_t, double> doubts;  // the largest of each object
   for (const Detection& other : detections) {
     if (other.object == own.object || other.kept == own.kept || !Overlap(own, other)) continue;
+    competition.has_siblings = true;
+    if (!other.competes) continue;
     double& doubt = doubts[other.object];
     doubt = std::max(doubt, Doubt(other.odds, own.odds));
     competition.is_suppressed |= other.kept > own.kept;
   }
   for (const auto& [object, doubt] : doubts) competition.doubt += doubt;
   return competition;
-}
-
-// Of the instance that looks most like the object.
-double MostSame(const VerifiedImage& image) {
-  return image.same.empty() ? 1 : *std::ranges::max_element(image.same);
 }
 
 // An image that is supported through another one is no more probable than that one, and less if the
@@ -146,7 +149,7 @@ void FollowTheirSources(std::vector<VerifiedImage>* images) {
     const double sources = Probability(source.ranking_score, source.evidence);
     const std::int64_t object = image->image.object;
     const bool differ = object != 0 && source.image.object != 0 && object != source.image.object;
-    image->probability = MostSame(*image) * alone * source.probability / std::max(1e-12, sources) /
+    image->probability = alone * source.probability / std::max(1e-12, sources) /
                          (1 + (differ ? Doubt(Odds(sources), Odds(alone)) : 0));
   }
 }
@@ -187,12 +190,12 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
   for (const Detection& detection : detections) {
     const Competition competition = CompetitionOf(detection, detections);
     std::optional<double>& share = shares[detection.image];
-    share = std::max(share.value_or(0), detection.same / (1 + competition.doubt));
+    const double same = competition.has_siblings ? detection.same : 1;
+    share = std::max(share.value_or(0), same / (1 + competition.doubt));
     if (competition.is_suppressed) lost[detection.image].push_back(detection.instance);
   }
   for (std::size_t i = 0; i < images->size(); ++i) {
-    VerifiedImage& image = (*images)[i];
-    image.probability *= shares[i].value_or(MostSame(image));
+    (*images)[i].probability *= shares[i].value_or(1);
   }
   FollowTheirSources(images);
   SuppressWithoutInstances(images);

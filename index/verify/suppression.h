@@ -18,7 +18,10 @@ namespace pliant {
 //     with several instances gets the largest of its shares. Scores stay.
 //   - The object that keeps most of its matches (KeepExclusiveMatches) wins: overlapping instances
 //     of the others are removed, but one of each image stays.
-//   - The probability, and the odds o, are multiplied by what the pixels say (SameObject).
+//   - The probability, and the odds o, are multiplied by what the pixels say (SameObject), if
+//   images
+//     of other objects match there, too. Where the collection has no siblings none is suspected: a
+//     smooth warp is too inexact for the pixels of strongly crumpled objects.
 //   - An image without evidence has no place of its own: it gets p (1 - the largest probability).
 // Objects that keep equally many matches, as copies under two names do, do not compete. Neither do
 // images without a name, nor those of the same object. An image supported through another one
