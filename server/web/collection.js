@@ -37,7 +37,7 @@ function showFacts(record) {
   const place = byId("collection-delete");
   if (place.dataset.name === record.name) return;  // its question stays open
   place.dataset.name = record.name;
-  place.replaceChildren(record.name === "default" ? "" : askingButton("Delete collection", `Delete the collection ${record.name}`, {
+  place.replaceChildren(record.name === "default" ? "" : askingButton("Delete collection", `Delete collection ${record.name}`, {
     question: "Delete with all its images? This cannot be undone.", yes: "Delete all", act: () => deleteCollection(record.name) }));
 }
 

@@ -65,7 +65,7 @@ test("a new collection is entered; all links stay in it; it is renamed and delet
 
   await page.getByRole("link", { name: "attic" }).click();
   await house.waitForText(page, "#collection-title", /attic/);
-  await page.getByRole("button", { name: "Delete the collection attic" }).click();
+  await page.getByRole("button", { name: "Delete collection attic" }).click();
   await Promise.all([page.waitForResponse((one) => one.url().endsWith("/v1/collections")),
                      page.getByRole("link", { name: "Collection", exact: true }).click()]);  // the same page again
   await page.getByRole("button", { name: "Delete all" }).click();
@@ -73,7 +73,7 @@ test("a new collection is entered; all links stay in it; it is renamed and delet
   await house.waitForText(page, "#collections", /^(?![^]*attic)/);
   await house.waitForText(page, "#collection-title", /^Collection: default$/);
   assert.equal((await fetch(`${server.address}/v1/collections/attic`)).status, 404);
-  assert.equal(await page.getByRole("button", { name: /^Delete the collection/ }).count(), 0, "the default collection stays");
+  assert.equal(await page.getByRole("button", { name: /^Delete collection/ }).count(), 0, "the default collection stays");
   await house.closePage(page);
 });
 
