@@ -77,8 +77,8 @@ class RouteTable {
   std::vector<Route>& routes() { return routes_; }
 
  private:
-  template <typename T>
-  RouteTable& Set(T Route::* field, T value) {
+  template <typename Field, typename Value>
+  RouteTable& Set(Field field, Value value) {  // a pointer to a member of Route
     routes_.back().*field = std::move(value);
     return *this;
   }

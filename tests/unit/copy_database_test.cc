@@ -129,7 +129,7 @@ TEST_F(CopyDatabaseTest, RefusesWhatCannotBeCopied) {
   other.descriptor = "orb";
   other.custom_descriptor = MakeDescriptor("orb");
   {
-    Engine orb(other);
+    Engine orb(other);  // makes the database
   }
   ExpectError(ErrorCode::kConflict, "model_mismatch", [&] { CopyDatabase(Copy("other.db")); });
   std::stop_source stop;

@@ -85,7 +85,7 @@ TEST(VideoWriter, SaysWhatItCannotWrite) {
   writer.Close();
   EXPECT_EQ(VideoReader(folder / "a.mp4").info().width, 62);
   {
-    const VideoWriter unfinished(folder / "b.mp4", 64, 64, 10);
+    const VideoWriter unfinished(folder / "b.mp4", 64, 64, 10);  // has no frame
   }
   EXPECT_FALSE(std::filesystem::exists(folder / "b.mp4"));
 }
