@@ -42,9 +42,9 @@ std::array<std::uint8_t, 2> ChromaOf(const std::uint8_t* rgb) {
 
 }  // namespace
 
-ColourGrid MakeColourGrid(const Image& image) {
+ColourGrid MakeColourGrid(const Image& image, int side) {
   if (image.channels != 3 || image.empty()) return {};
-  const ScaledSize size = ScaleToFit(image.width, image.height, kColourGridSide);
+  const ScaledSize size = ScaleToFit(image.width, image.height, side);
   const Image cells = ResizeImage(image, size.width, size.height);
   ColourGrid grid{size.width, size.height, {}};
   grid.chroma.reserve(cells.pixels.size() / 3 * 2);

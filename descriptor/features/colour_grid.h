@@ -23,9 +23,9 @@ struct ColourGrid {
   bool operator==(const ColourGrid&) const = default;
 };
 
-// The grid of a colour image: square cells, at most kColourGridSide along the longer side. Empty
-// for a grey image, also if it is stored in colour. Thread-safe.
+// The grid of a colour image: square cells, at most `side` along the longer side. Empty for a grey
+// image, also if it is stored in colour. Thread-safe.
 inline constexpr int kColourGridSide = 64;
-ColourGrid MakeColourGrid(const Image& image);
+ColourGrid MakeColourGrid(const Image& image, int side = kColourGridSide);
 
 }  // namespace pliant

@@ -78,8 +78,8 @@ struct ExtractionOptions {
   // this is also described enlarged (enlarged_keypoints.h), which adds the strongest keypoints up
   // to this number, and at most keypoints.max_keypoints. Not for references.
   int enlarge_below = 0;
-  bool colours = true;        // also keep the coarse colours (colour_grid.h)
-  int preview_side_px = 128;  // longer side of Features::preview, two kilobytes; 0 = none
+  int colour_side = kColourGridSide;  // cells of Features::colours along the longer side; 0 = none
+  int preview_side_px = 128;          // longer side of Features::preview, two kilobytes; 0 = none
   ImageDecoder decoder = DecodeImage;
 };
 

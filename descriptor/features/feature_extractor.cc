@@ -45,7 +45,7 @@ FeatureExtractor::FeatureExtractor(std::shared_ptr<const Descriptor> descriptor,
     throw Error(ErrorCode::kInvalidArgument, "no_decoder", "FeatureExtractor needs a decoder");
   }
   options_.decode.colour = false;
-  options_.decode.thumbnail_side_px = options_.colours ? kColourGridSide : 0;
+  options_.decode.thumbnail_side_px = options_.colour_side;
 }
 
 DecodedImage FeatureExtractor::Decode(Bytes encoded) const {
@@ -62,8 +62,8 @@ Features FeatureExtractor::ExtractFrom(const Image& image, int threads, Extracti
   decoded.original_width = image.width;
   decoded.original_height = image.height;
   decoded.image = ToGrey(image);
-  if (options_.colours && image.channels == 3) {
-    const ScaledSize small = ScaleToFit(image.width, image.height, kColourGridSide);
+  if (options_.colour_side > 0 && image.channels == 3) {
+    const ScaledSize small = ScaleToFit(image.width, image.height, options_.colour_side);
     decoded.thumbnail = ResizeImage(image, small.width, small.height);
   }
   const ScaledSize size = ScaleToFit(image.width, image.height, options_.decode.max_side_px);
@@ -114,7 +114,7 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   features.width = decoded.original_width;
   features.height = decoded.original_height;
   features.model_id = descriptor_->info().model_id;
-  features.colours = MakeColourGrid(decoded.thumbnail);
+  features.colours = MakeColourGrid(decoded.thumbnail, options_.colour_side);
   if (options_.preview_side_px > 0 && !inside) {
     const ScaledSize small =
         ScaleToFit(decoded.image.width, decoded.image.height, options_.preview_side_px);

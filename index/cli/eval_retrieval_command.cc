@@ -144,22 +144,24 @@ std::string RetrievalReportCsv(const Json& report) {
 
 // A row for each query and hit (ten at most; a query without hits has one row with empty fields):
 // descriptor, protocol, words, query, object, rank, hit, hit_object, right, score, probability,
-// inliers. With the answers that RetrievalOptions::keep_answers keeps.
+// inliers, left_out (asked without its object). With the answers that
+// RetrievalOptions::keep_answers keeps.
 std::string RetrievalAnswersCsv(const RetrievalReport& report) {
   std::string csv =
       "descriptor,protocol,words,query,object,rank,hit,hit_object,right,score,probability,"
-      "inliers\n";
+      "inliers,left_out\n";
   const auto file = [](const fs::path& path) { return CsvField(PathText(path)); };
   for (const RetrievalResult& row : report.results) {
     for (const NamedAnswer& answer : row.answers) {
       const std::string asked = fmt::format("{},{},{},{},{},", row.descriptor, row.protocol,
                                             row.words, file(answer.file), CsvField(answer.object));
-      if (answer.hits.empty()) csv += asked + ",,,,,,\n";
+      if (answer.hits.empty()) csv += asked + fmt::format(",,,,,,,{:d}\n", answer.left_out);
       for (std::size_t i = 0; i < answer.hits.size(); ++i) {
         const NamedHit& hit = answer.hits[i];
-        csv += fmt::format("{}{},{},{},{:d},{:.6f},{},{}\n", asked, i + 1, file(hit.file),
+        csv += fmt::format("{}{},{},{},{:d},{:.6f},{},{},{:d}\n", asked, i + 1, file(hit.file),
                            CsvField(hit.object), hit.is_right, hit.score,
-                           hit.probability ? FormatFixed(*hit.probability, 6) : "", hit.inliers);
+                           hit.probability ? FormatFixed(*hit.probability, 6) : "", hit.inliers,
+                           answer.left_out);
       }
     }
   }
@@ -307,8 +309,10 @@ void AddEvalRetrieval(CLI::App& eval, ExitStatus& status) {
       ->allow_extra_args(false)
       ->type_name("FILE");
   AddCsvFlag(*app, options->csv, "write the table to this file");
-  app->add_option("--answers", options->answers,
-                  "write the first ten hits of every query to this CSV file; - = standard output")
+  app->add_option(
+         "--answers", options->answers,
+         "write the first ten hits of every query, and the first hit without its object, to this "
+         "CSV file; - = standard output")
       ->type_name("FILE");
   app->add_flag("--list", options->list, "only print the queries and the searched images, as JSON");
   AddJsonFlag(*app, options->json);

@@ -27,8 +27,10 @@ std::shared_ptr<const Descriptor> MakeDescriptorFor(const EngineOptions& options
                         options.descriptor_options);
 }
 
-// Of a query's preview: a print of a quarter of the photo's width has the pixels of a stored one.
-constexpr int kQueryPreviewSide = 512;
+// Of a query's preview and colours: a print of a quarter of the photo's width has as many as a
+// stored one.
+constexpr int kQueryPreviewSide = 4 * 128;
+constexpr int kQueryColourSide = 4 * kColourGridSide;
 constexpr int kQueryKeypoints = 2;  // times those of an indexed image
 
 }  // namespace
@@ -153,6 +155,7 @@ const EngineCore::Extractors& EngineCore::extractors() {
     FeatureExtractor indexed(descriptor, extraction);
     extraction.keep = 0;
     extraction.enlarge_below = options_.enlarge ? std::numeric_limits<int>::max() : 0;
+    extraction.colour_side = kQueryColourSide;
     extraction.preview_side_px = kQueryPreviewSide;
     extractors_ = std::make_unique<const Extractors>(
         Extractors{std::move(indexed), {std::move(descriptor), extraction}});

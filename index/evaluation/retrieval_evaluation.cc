@@ -175,7 +175,7 @@ class Run {
     row->times.describe = extraction_.describe;
     row->refused = gallery_.refused_queries();
     row->absent = gallery_.AskAbsent(search);
-    row->left_out = gallery_.AskLeftOut(search);
+    row->left_out = gallery_.AskLeftOut(search, options_.keep_answers ? &row->answers : nullptr);
     if (std::ranges::none_of(gallery_.set().images, [](const RetrievalImage& image) {
           return image.is_query && image.is_searched;
         })) {

@@ -204,7 +204,7 @@ std::optional<Features> RetrievalGallery::SecondPass(std::size_t image, const Fe
 
 NamedAnswer RetrievalGallery::Named(std::size_t query, const std::vector<Hit>& hits) const {
   const RetrievalImage& asked = set_.images[query];
-  NamedAnswer answer{asked.path, asked.object, {}};
+  NamedAnswer answer{.file = asked.path, .object = asked.object};
   for (const Hit& hit : hits) {
     if (answer.hits.size() == kNamedHits) break;
     if (!set_.counts_itself && hit.image_id == ids_[query]) continue;
@@ -271,7 +271,7 @@ AbsentAnswers RetrievalGallery::AskAbsent(SearchOptions search) {
   return answers;
 }
 
-AbsentAnswers RetrievalGallery::AskLeftOut(SearchOptions search) {
+AbsentAnswers RetrievalGallery::AskLeftOut(SearchOptions search, std::vector<NamedAnswer>* named) {
   search.limit = 1;
   AbsentAnswers answers;
   for (const std::size_t q : queries_) {
@@ -286,6 +286,10 @@ AbsentAnswers RetrievalGallery::AskLeftOut(SearchOptions search) {
     if (!result.found) return {};
     ++answers.asked;
     if (*result.found > 0) ++answers.alarms;
+    if (named != nullptr) {
+      named->push_back(Named(q, result.hits));
+      named->back().left_out = true;
+    }
   }
   return answers;
 }

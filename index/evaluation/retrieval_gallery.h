@@ -61,8 +61,9 @@ struct NamedHit {
 // A query and its first hits, by name. A query that was refused has none.
 struct NamedAnswer {
   std::filesystem::path file;
-  std::string object;  // shown by the query
-  std::vector<NamedHit> hits;
+  std::string object;     // shown by the query
+  bool left_out = false;  // asked without the images of this object
+  std::vector<NamedHit> hits = {};
 };
 
 // Of queries whose object is absent.
@@ -100,8 +101,8 @@ class RetrievalGallery {
   AbsentAnswers AskAbsent(SearchOptions search);
 
   // Asks every query again without the images of its object, at most kMaxExcluded: is something
-  // similar found? Nothing without probabilities.
-  AbsentAnswers AskLeftOut(SearchOptions search);
+  // similar found? Nothing without probabilities. `named`: each query's first hit is added.
+  AbsentAnswers AskLeftOut(SearchOptions search, std::vector<NamedAnswer>* named = nullptr);
 
   // Queries that were refused.
   std::size_t refused_queries() const;

@@ -26,7 +26,6 @@ Json PolygonJson(const std::vector<Point>& polygon) {
 Json AppearanceJson(const std::optional<Appearance>& appearance) {
   if (!appearance) return nullptr;
   return {{"seen_again", appearance->seen_again},
-          {"agreement", appearance->agreement},
           {"colour_difference", OrNull(appearance->colour_difference)}};
 }
 

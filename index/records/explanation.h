@@ -40,8 +40,8 @@ struct PointPair {
 // details with it.
 struct Appearance {
   double seen_again = 0;  // share of the reference's texture that the query shows again, 0..1
-  double agreement = 0;   // mean correlation within the hull of the inliers, -1..1
-  // Explanation::colour_difference per strength of the reference's colours; absent if unknown.
+  // Mean colour difference of the visible part, corrected for the light, per strength of the
+  // reference's colours; absent if unknown.
   std::optional<double> colour_difference;
 };
 

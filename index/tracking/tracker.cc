@@ -94,7 +94,7 @@ Features FeaturesInside(const Features& features, const PixelBox& box, const Ima
 Tracker::Tracker(std::shared_ptr<const Descriptor> descriptor, const Image& reference,
                  TrackerOptions options)
     : options_([&options] {
-        options.extraction.colours = false;  // tracking does not use them
+        options.extraction.colour_side = 0;  // tracking does not use them
         return std::move(options);
       }()),
       extractor_(std::move(descriptor), options_.extraction),

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "index/verify/colour_difference.h"
 #include "index/verify/warp_geometry.h"
 
 namespace pliant {
@@ -22,8 +23,7 @@ constexpr double kAgreeing = 0.7;  // correlation of what is seen again
 // more contrast says no more.
 constexpr double kLeastContrast = 6;
 constexpr double kMostContrast = 40;
-constexpr double kNoise = 4;         // variance of grey values, at least
-constexpr double kFaintColours = 5;  // distance of a* and b* from grey
+constexpr double kNoise = 4;  // variance of grey values, at least
 
 // A grey image whose windows are summed in constant time.
 class WindowSums {
@@ -178,26 +178,6 @@ std::vector<double> Correlations(const Image& a, const Moments& of_a, const Imag
   return best;
 }
 
-// Mean distance of the reference's colours from grey.
-double ColourStrength(const Features& reference, std::span<const Vec2> seen) {
-  const ColourGrid& grid = reference.colours;
-  double sum = 0;
-  int cells = 0;
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      if (!IsInside({Rescaled(x, grid.width, reference.width),
-                     Rescaled(y, grid.height, reference.height)},
-                    seen)) {
-        continue;
-      }
-      const auto at = 2 * static_cast<std::size_t>(y * grid.width + x);
-      sum += std::hypot(grid.chroma[at] - 128, grid.chroma[at + 1] - 128);
-      ++cells;
-    }
-  }
-  return cells > 0 ? sum / cells : 0;
-}
-
 Image Shrunk(const Image& image, double factor) {
   if (factor >= 1) return image;
   return ResizeImage(image, std::max(1, static_cast<int>(std::lround(image.width * factor))),
@@ -208,6 +188,13 @@ Image Preview(const Features& features) {
   return DecodeImage(features.preview, {.max_side_px = 0, .min_side_px = 1}).image;
 }
 
+// Query pixels per reference pixel: the median at the corners of `seen`.
+double ScaleOf(const ThinPlateSpline& warp, const std::vector<Vec2>& seen) {
+  std::vector<double> scales;
+  for (const Vec2 p : seen) scales.push_back(std::max(0.0, LocalScale(warp, p)));
+  return Median(std::move(scales));
+}
+
 // What the query and the reference show, at the coarser resolution of the two.
 struct Views {
   Image photo;
@@ -215,14 +202,11 @@ struct Views {
 };
 
 // nullopt if the object is too small in one of them.
-std::optional<Views> ViewsOf(const Features& query, const Features& reference,
-                             const ThinPlateSpline& warp, const std::vector<Vec2>& seen) {
-  std::vector<double> scales;
-  for (const Vec2 p : seen) scales.push_back(std::max(0.0, LocalScale(warp, p)));
+std::optional<Views> ViewsOf(const Features& query, const Features& reference, double scale) {
   const Views whole{Preview(query), Preview(reference)};
   // Pixels of the photo per pixel of what is expected.
-  const double scale = Median(std::move(scales)) * whole.photo.width / query.width *
-                       reference.width / whole.expected.width;
+  scale *=
+      static_cast<double>(whole.photo.width) / query.width * reference.width / whole.expected.width;
   if (!(scale > 0)) return std::nullopt;
   Views views{Shrunk(whole.photo, 1 / scale), Shrunk(whole.expected, scale)};
   for (const Image& view : {views.photo, views.expected}) {
@@ -238,36 +222,27 @@ std::optional<Appearance> CompareAppearance(const Features& query, const Feature
   if (!instance.warp || query.preview.empty() || reference.preview.empty()) return std::nullopt;
   const std::vector<Vec2> seen =
       ConvexHull(PointsOf(reference.keypoints, instance.inliers, &MatchedPair::reference));
-  const auto views = ViewsOf(query, reference, *instance.warp, seen);
+  const double scale = ScaleOf(*instance.warp, seen);
+  const auto views = ViewsOf(query, reference, scale);
   if (!views) return std::nullopt;
   const auto& [photo, expected] = *views;
   const Mesh mesh = WarpMesh(*instance.warp, reference.width, reference.height);
   const Rectified found = Rectify(photo, query.width, query.height, mesh, expected);
   const Moments moments = MomentsOf(expected);
   const std::vector<double> correlations = Correlations(expected, moments, found.image);
-  double all = 0, again = 0, inside = 0, agreement = 0;
-  for (int y = 0; y < expected.height; ++y) {
-    for (int x = 0; x < expected.width; ++x) {
-      const std::size_t at = PixelAt(expected, x, y);
-      if (moments.deviations[at] < kLeastContrast) continue;
-      const double weight = std::min(kMostContrast, moments.deviations[at]);
-      all += weight;
-      if (!found.visible[at]) continue;
-      if (correlations[at] > kAgreeing) again += weight;
-      const Vec2 place{Rescaled(x, expected.width, reference.width),
-                       Rescaled(y, expected.height, reference.height)};
-      if (!IsInside(place, seen)) continue;
-      inside += weight;
-      agreement += weight * correlations[at];
-    }
+  double texture = 0;
+  double again = 0;
+  for (std::size_t at = 0; at < correlations.size(); ++at) {
+    if (moments.deviations[at] < kLeastContrast) continue;
+    const double weight = std::min(kMostContrast, moments.deviations[at]);
+    texture += weight;
+    if (found.visible[at] && correlations[at] > kAgreeing) again += weight;
   }
-  if (!(inside > 0)) return std::nullopt;
-  Appearance appearance{again / all, agreement / inside, {}};
-  if (instance.colour_difference) {
-    appearance.colour_difference =
-        *instance.colour_difference / (kFaintColours + ColourStrength(reference, seen));
-  }
-  return appearance;
+  if (!(texture > 0)) return std::nullopt;
+  return Appearance{
+      again / texture,
+      RelativeColourDifference(query, reference, *instance.warp, seen, scale),
+  };
 }
 
 }  // namespace pliant

@@ -14,8 +14,8 @@ namespace pliant {
 
 // Rectifies the query's preview by the instance's warp and correlates it with the reference's, in
 // windows of a fourteenth of its longer side, each at the best of 25 displacements. nullopt without
-// a warp, if an image has no preview, or if the reference has no texture in the hull of the
-// inliers.
+// a warp, if an image has no preview, if the object is too small, or if the reference has no
+// texture.
 std::optional<Appearance> CompareAppearance(const Features& query, const Features& reference,
                                             const FoundInstance& found);
 

@@ -12,7 +12,6 @@
 namespace pliant {
 namespace {
 
-constexpr int kPointsASide = 17;     // of the reference's longer side
 constexpr std::size_t kLeast = 6;    // points
 constexpr double kAroundSeen = 1.1;  // `seen`, enlarged about its centre
 
@@ -55,32 +54,32 @@ class Colours {
   double cells_a_pixel_;
 };
 
-double MeanWithoutLight(const std::vector<Vec2>& differences) {
-  std::vector<double> a;
-  std::vector<double> b;
-  for (const Vec2 d : differences) {
-    a.push_back(d.x);
-    b.push_back(d.y);
-  }
-  const Vec2 light{Median(std::move(a)), Median(std::move(b))};
-  double sum = 0;
-  for (const Vec2 d : differences) sum += std::hypot(d.x - light.x, d.y - light.y);
-  return sum / static_cast<double>(differences.size());
-}
+// Chroma of the same point of the object, + 128.
+struct ColourPair {
+  Vec2 query;
+  Vec2 reference;
+};
 
-}  // namespace
+// Where colours are compared.
+struct Sampling {
+  int points_a_side;  // of the reference's longer side
+  double radius;      // of the square around each point, as a share of that side
+};
+constexpr Sampling kCoarse{17, 1.0 / 17};
+constexpr Sampling kFine{33, 0.5 / 33};
 
-std::optional<double> ColourDifference(const Features& query, const Features& reference,
-                                       const ThinPlateSpline& warp, std::span<const Vec2> seen,
-                                       double scale) {
-  if (query.colours.empty() || reference.colours.empty() || seen.size() < 3) return std::nullopt;
-  if (reference.width < 2 || reference.height < 2) return std::nullopt;
-  const Mesh mesh = WarpMesh(warp, reference.width, reference.height, kPointsASide);
+// Of the points that both images show; none if there are too few.
+std::vector<ColourPair> ColourPairs(const Features& query, const Features& reference,
+                                    const ThinPlateSpline& warp, std::span<const Vec2> seen,
+                                    double scale, Sampling sampling) {
+  std::vector<ColourPair> pairs;
+  if (query.colours.empty() || reference.colours.empty() || seen.size() < 3) return pairs;
+  if (reference.width < 2 || reference.height < 2) return pairs;
+  const Mesh mesh = WarpMesh(warp, reference.width, reference.height, sampling.points_a_side);
   const std::vector<Vec2> part = Enlarged(seen, kAroundSeen);
-  const double radius = std::max(reference.width, reference.height) / double{kPointsASide};
+  const double radius = sampling.radius * std::max(reference.width, reference.height);
   const Colours in_query(query);
   const Colours in_reference(reference);
-  std::vector<Vec2> differences;
   for (int row = 0; row < mesh.rows; ++row) {
     for (int column = 0; column < mesh.columns; ++column) {
       const auto i = static_cast<std::size_t>(row * mesh.columns + column);
@@ -90,13 +89,72 @@ std::optional<double> ColourDifference(const Features& query, const Features& re
           q.y > query.height - 1 || !IsInside(r, part)) {
         continue;
       }
-      const Vec2 there = in_query.Around(q, radius * scale);
-      const Vec2 here = in_reference.Around(r, radius);
-      differences.push_back({there.x - here.x, there.y - here.y});
+      pairs.push_back({in_query.Around(q, radius * scale), in_reference.Around(r, radius)});
     }
   }
-  if (differences.size() < kLeast) return std::nullopt;
-  return MeanWithoutLight(differences);
+  if (pairs.size() < kLeast) pairs.clear();
+  return pairs;
+}
+
+// The median of query - gain x reference, which comes from the light.
+Vec2 Light(const std::vector<ColourPair>& pairs, double gain) {
+  std::vector<double> a;
+  std::vector<double> b;
+  for (const ColourPair& pair : pairs) {
+    a.push_back(pair.query.x - gain * pair.reference.x);
+    b.push_back(pair.query.y - gain * pair.reference.y);
+  }
+  return {Median(std::move(a)), Median(std::move(b))};
+}
+
+double MeanDistance(const std::vector<ColourPair>& pairs, double gain) {
+  const Vec2 light = Light(pairs, gain);
+  double sum = 0;
+  for (const auto& [q, r] : pairs) {
+    sum += std::hypot(q.x - gain * r.x - light.x, q.y - gain * r.y - light.y);
+  }
+  return sum / static_cast<double>(pairs.size());
+}
+
+// Of the chroma of the query per chroma of the reference.
+double Gain(const std::vector<ColourPair>& pairs) {
+  constexpr double kLeastVariance = 20;  // so that noise is not enlarged
+  const auto n = static_cast<double>(pairs.size());
+  Vec2 mean;
+  for (const auto& [q, r] : pairs) mean = {mean.x + r.x / n, mean.y + r.y / n};
+  double both = 0;
+  double square = kLeastVariance * n;
+  for (const auto& [q, r] : pairs) {
+    const Vec2 d{r.x - mean.x, r.y - mean.y};
+    both += d.x * q.x + d.y * q.y;  // all d sum up to 0
+    square += d.x * d.x + d.y * d.y;
+  }
+  return std::clamp(both / square, 0.3, 1.5);
+}
+
+}  // namespace
+
+std::optional<double> ColourDifference(const Features& query, const Features& reference,
+                                       const ThinPlateSpline& warp, std::span<const Vec2> seen,
+                                       double scale) {
+  const auto pairs = ColourPairs(query, reference, warp, seen, scale, kCoarse);
+  if (pairs.empty()) return std::nullopt;
+  return MeanDistance(pairs, 1);
+}
+
+std::optional<double> RelativeColourDifference(const Features& query, const Features& reference,
+                                               const ThinPlateSpline& warp,
+                                               std::span<const Vec2> seen, double scale) {
+  constexpr double kFaint = 5;  // mean strength of colours that say little
+  const auto pairs = ColourPairs(query, reference, warp, seen, scale, kFine);
+  if (pairs.empty()) return std::nullopt;
+  const double gain = Gain(pairs);
+  double strength = 0;
+  for (const ColourPair& pair : pairs) {
+    strength += std::hypot(pair.reference.x - 128, pair.reference.y - 128);
+  }
+  strength /= static_cast<double>(pairs.size());
+  return MeanDistance(pairs, gain) / (kFaint + gain * strength);
 }
 
 }  // namespace pliant

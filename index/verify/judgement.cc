@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace pliant {
 
@@ -35,13 +36,19 @@ double Probability(double ranking_score, double evidence) {
   return kJudgement.odds * score / (kJudgement.odds * score + 1 - score);
 }
 
-double SameObject(const std::optional<Appearance>& appearance) {
-  if (!appearance) return 1;
+double Likeness(const std::optional<Appearance>& appearance, double effective_inliers) {
+  if (!appearance) return std::numeric_limits<double>::infinity();
   const JudgementConstants& k = kJudgement;
-  const double evidence =
-      k.per_agreement * appearance->agreement + k.per_seen_again * appearance->seen_again -
-      k.per_colour_difference * appearance->colour_difference.value_or(k.usual_colour_difference);
-  const double same = 1 / (1 + k.siblings * std::exp(k.half_of_siblings - evidence));
+  return k.per_seen_again * appearance->seen_again -
+         k.per_colour_difference *
+             appearance->colour_difference.value_or(k.usual_colour_difference) +
+         k.per_log_inliers * std::log(effective_inliers);
+}
+
+double SameObject(double likeness, bool has_siblings) {
+  const JudgementConstants& k = kJudgement;
+  const double siblings = has_siblings ? k.siblings : k.lone_siblings;
+  const double same = 1 / (1 + siblings * std::exp(k.half_of_siblings - likeness));
   return std::min(1.0, same / k.usually_same);
 }
 

@@ -40,15 +40,17 @@ struct JudgementConstants {
   // The ranking counts up to this score. Without evidence no hit is more probable than 0.19, so
   // that the verdict is neither found nor perhaps.
   double most_of_ranking = 0.008;
-  // SameObject, a logistic regression: of real packages, banknotes and labels that were found, half
-  // of them siblings of the right object, which was left out.
-  double per_agreement = 8;
-  double per_seen_again = 9.5;
-  double per_colour_difference = 7;
-  double usual_colour_difference = 0.25;  // median, where it is unknown
-  double half_of_siblings = 8.8;          // as many siblings as right objects have this evidence
-  // Odds that a photo whose details match shows an object that is missing, and has a sibling.
+  // SameObject, a logistic regression: real packages, banknotes and labels that were found, half of
+  // them siblings of the right object, which was left out; and simulated crumpled prints.
+  double per_seen_again = 4;
+  double per_colour_difference = 6;
+  double usual_colour_difference = 0.38;  // median, where it is unknown
+  double per_log_inliers = 1.3;           // of the natural logarithm of the effective inliers
+  double half_of_siblings = 3;            // as many siblings as right objects have this likeness
+  // Odds that a photo whose details match shows an object that is missing, and has a sibling: if
+  // other objects of the collection match at the same place, too, and if none does.
   double siblings = 0.05;
+  double lone_siblings = 0.004;
   double usually_same = 0.95;  // what is more is as good as certain
 };
 inline constexpr JudgementConstants kJudgement;
@@ -79,9 +81,13 @@ inline constexpr double kNoResemblance = 0.002;
 // The limit of s means: without evidence nothing is found. The least evidence counts as none.
 double Probability(double ranking_score, double evidence);
 
-// The probability that an image whose details match shows this object and not a sibling, from what
-// is seen of it. 1 if that is unknown, or above 0.95, as of most objects.
-double SameObject(const std::optional<Appearance>& appearance);
+// How much an image whose details match looks like this object and not like a sibling: the natural
+// logarithm of odds, without those of siblings. Infinite if `appearance` is unknown.
+double Likeness(const std::optional<Appearance>& appearance, double effective_inliers);
+
+// The probability that it shows this object and not a sibling. 1 above 0.95, as of most objects.
+// `has_siblings`: other objects of the collection match at the same place.
+double SameObject(double likeness, bool has_siblings);
 
 // In whole steps (JudgementConstants::steps).
 double Rounded(double probability);

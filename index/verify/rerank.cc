@@ -37,9 +37,9 @@ void Compare(const Features& query, const Features& reference, const Verificatio
   const auto add = [&](const FoundInstance& found) {
     const auto appearance = CompareAppearance(query, reference, found);
     if (!image->explanations.empty()) {
-      image->explanations[image->same.size()].appearance = appearance;
+      image->explanations[image->likeness.size()].appearance = appearance;
     }
-    image->same.push_back(SameObject(appearance));
+    image->likeness.push_back(Likeness(appearance, found.effective_inliers));
   };
   add(result);
   std::ranges::for_each(result.others, add);

@@ -31,7 +31,7 @@ struct VerifiedImage {
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
-  std::vector<double> same = {};  // SameObject, as `instances`; empty without strong evidence
+  std::vector<double> likeness = {};                // as `instances`; empty without strong evidence
   double by_chance = kJudgement.inliers_by_chance;  // InliersByChance of the pair
   double probability = 0;                           // that the hit is correct (SuppressNonMaxima)
   double evidence = 0;                   // of its own inliers, or through `via` if that is more

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -50,7 +51,7 @@ struct Detection {
   Box box;                   // of the outline
   std::size_t kept = 0;      // matches that the object keeps
   double odds = 0;           // of what is seen here alone
-  double same = 1;           // SameObject
+  double likeness = 0;       // infinite if unknown
   bool competes = true;
 };
 
@@ -86,13 +87,15 @@ std::vector<Detection> DetectionsIn(const Features& query,
       const double share = static_cast<double>(kept) / static_cast<double>(points.size());
       // Of rivals, not against chance: so both have the same inliers by chance.
       const double evidence = Evidence(instance.independent, by_chance) * std::sqrt(share);
-      const double same = image.same.empty() ? 1 : image.same[k];
+      const double likeness =
+          image.likeness.empty() ? std::numeric_limits<double>::infinity() : image.likeness[k];
+      const double same = std::min(SameObject(likeness, true), kJudgement.usually_same);
       // Sharpened later (Doubt), which the odds of siblings are not.
-      const double odds = Odds(LiftScore(image.ranking_score, evidence)) *
-                          std::pow(Odds(std::min(same, kJudgement.usually_same)), 1 / kSharpness);
+      const double odds =
+          Odds(LiftScore(image.ranking_score, evidence)) * std::pow(Odds(same), 1 / kSharpness);
       const Box box(outline);
-      detections.push_back(
-          {i, k, object, std::move(outline), std::move(points), box, kept, odds, same, competes});
+      detections.push_back({i, k, object, std::move(outline), std::move(points), box, kept, odds,
+                            likeness, competes});
     }
   }
   return detections;
@@ -190,7 +193,7 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
   for (const Detection& detection : detections) {
     const Competition competition = CompetitionOf(detection, detections);
     std::optional<double>& share = shares[detection.image];
-    const double same = competition.has_siblings ? detection.same : 1;
+    const double same = SameObject(detection.likeness, competition.has_siblings);
     share = std::max(share.value_or(0), same / (1 + competition.doubt));
     if (competition.is_suppressed) lost[detection.image].push_back(detection.instance);
   }

@@ -150,7 +150,6 @@ constexpr const char* kSchemas = R"json({
     "mesh": "any|null: the warp: positions in the query of a grid over the hit's image"},
   "Appearance": {
     "seen_again": "share: of the hit's texture that the query shows again",
-    "agreement": "number: mean correlation of the pixels within the matched part, -1 to 1",
     "colour_difference": "number|null: relative to the strength of the colours"},
   "ComparedImage": {"width": "integer", "height": "integer", "keypoints": "integer"},
   "Comparison": {

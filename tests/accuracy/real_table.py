@@ -10,8 +10,14 @@ weights. Every query counts: refused queries are misses, and also have a column.
 are the shares of queries whose first hit counts as found (probability 0.9 or more). "Left out" counts the queries
 that find something when their object is taken out. `--absent` adds queries that show no object of the set, and
 counts false alarms. Shares of queries have intervals of 95 % (Wilson 1927).
+
+A second table has the parts of each set: two halves by a hash of the query's name (fit on one, report the other),
+and the kinds of beer labels. A third says how often hits of a probability are right, with and without the object
+of the query in the collection, and the expected calibration error (Guo et al., ICML 2017).
 """
 import argparse
+import collections
+import csv
 import dataclasses
 import json
 import math
@@ -19,6 +25,8 @@ import os
 import pathlib
 import subprocess
 import sys
+import tempfile
+import zlib
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,15 +35,48 @@ class RealSet:
     layout: str
     metric: str  # key of the results in `pliant eval retrieval --json`
     title: str
+    kinds: tuple[str, ...] = ()  # prefixes of the queries' names
 
 
 SETS = (
     RealSet("worn-shirts", "pairs", "top1", "top-1"),
     RealSet("packages", "labels", "top1", "top-1"),
     RealSet("banknotes", "labels", "top1", "top-1"),
-    RealSet("beer-labels", "pairs", "top1", "top-1"),
+    RealSet("beer-labels", "pairs", "top1", "top-1", ("label_", "sam_", "logo_")),
     RealSet("deforming", "objects", "map", "mAP"),
 )
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """The first hit of a query."""
+    set: str
+    query: str  # file name
+    descriptor: str
+    protocol: str
+    left_out: bool  # asked without the images of its object
+    right: bool
+    probability: float | None  # None without hits or without probabilities
+
+    @property
+    def half(self):
+        return zlib.crc32(self.query.encode()) % 2
+
+    @property
+    def found(self):
+        return self.probability is not None and self.probability >= FOUND
+
+
+FOUND = 0.9  # probability from which a hit counts as found
+BINS = (0, 0.2, 0.5, 0.8, 0.9, 0.95, 1.01)
+
+
+def read_answers(real_set, file):
+    with open(file, encoding="utf-8", newline="") as text:
+        return [Answer(real_set.folder, pathlib.Path(row["query"]).name, row["descriptor"], row["protocol"],
+                       row["left_out"] == "1", row["right"] == "1",
+                       float(row["probability"]) if row["probability"] else None)
+                for row in csv.DictReader(text) if row["rank"] in ("", "1")]
 
 
 def ask(command, environment):
@@ -47,7 +88,7 @@ def ask(command, environment):
 
 
 def measure(real_set, options):
-    """The rows of one set: the program's results, with the set and its number of queries."""
+    """The rows of one set (the program's results, with the set and its number of queries), and its answers."""
     environment = dict(os.environ)
     if options.model:
         environment["PLIANT_MODEL"] = str(options.model)
@@ -62,10 +103,14 @@ def measure(real_set, options):
         command += ["--cache", str(options.cache / real_set.folder)]
     if options.jobs:
         command += ["--jobs", str(options.jobs)]
-    report = ask(command, environment)
-    return [{"set": real_set.folder, "metric": real_set.title, "value": result[real_set.metric],
+    with tempfile.TemporaryDirectory() as folder:
+        answers = pathlib.Path(folder, "answers.csv")
+        report = ask([*command, "--answers", str(answers)], environment)
+        first = read_answers(real_set, answers)
+    rows = [{"set": real_set.folder, "metric": real_set.title, "value": result[real_set.metric],
              "queries": report["queries"], "refused": [skipped["file"] for skipped in report["skipped"]], **result}
             for result in report["results"]]
+    return rows, first
 
 
 def interval(share, of):
@@ -87,6 +132,55 @@ def table(rows):
         lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['words']:.0f} | {row['metric']} | {value} | {queries} "
                      f"| {row['refused_queries']} | {interval(row['found_right'], queries)} | {interval(row['found_wrong'], queries)} | {left_out} "
                      f"| {alarms} | {1000 * row['seconds_per_query']:.0f} |")
+    return "\n".join(lines)
+
+
+def share(answers, accepts):
+    return interval(sum(map(accepts, answers)) / len(answers), len(answers)) if answers else ""
+
+
+def parts_table(answers):
+    lines = ["| set | part | descriptor | protocol | queries | first hit right | found right | found wrong | left out, found |",
+             "|---|---|---|---|---|---|---|---|---|"]
+    kinds = {real_set.folder: real_set.kinds for real_set in SETS}
+    for (name, descriptor, protocol), group in by(answers, lambda a: (a.set, a.descriptor, a.protocol)):
+        parts = [(f"half {half}", [a for a in group if a.half == half]) for half in (0, 1)]
+        parts += [(f"{kind}*", [a for a in group if a.query.startswith(kind)]) for kind in kinds[name]]
+        for part, all_of_it in parts:
+            asked = [a for a in all_of_it if not a.left_out]
+            lines.append(f"| {name} | {part} | {descriptor} | {protocol} | {len(asked)} | {share(asked, lambda a: a.right)} "
+                         f"| {share(asked, lambda a: a.found and a.right)} | {share(asked, lambda a: a.found and not a.right)} "
+                         f"| {share([a for a in all_of_it if a.left_out], lambda a: a.found)} |")
+    return "\n".join(lines)
+
+
+def by(answers, key):
+    groups = collections.defaultdict(list)
+    for answer in answers:
+        groups[key(answer)].append(answer)
+    return groups.items()
+
+
+def calibration_error(answers):
+    """Mean distance of the probability and the share of right answers, over the bins."""
+    gaps = [abs(sum(a.probability - a.right for a in group))
+            for _, group in by(answers, lambda a: next(b for b in reversed(BINS) if a.probability >= b))]
+    return sum(gaps) / len(answers)
+
+
+def reliability_table(answers):
+    answers = [a for a in answers if a.probability is not None and a.protocol != "unverified"]
+    lines = ["| descriptor | queries | " + " | ".join(f"{low} to {min(1, high)}" for low, high in zip(BINS, BINS[1:]))
+             + " | calibration error |", "|---|---|" + "---|" * len(BINS)]
+    for descriptor, group in by(answers, lambda a: a.descriptor):
+        for title, asked in (("with their object", [a for a in group if not a.left_out]),
+                             ("without it", [a for a in group if a.left_out]), ("both", group)):
+            cells = []
+            for low, high in zip(BINS, BINS[1:]):
+                here = [a for a in asked if low <= a.probability < high]
+                cells.append(f"{sum(a.right for a in here)} of {len(here)}" if here else "")
+            if asked:
+                lines.append(f"| {descriptor} | {title} | {' | '.join(cells)} | {calibration_error(asked):.3f} |")
     return "\n".join(lines)
 
 
@@ -112,18 +206,23 @@ def parse_arguments():
 def main():
     options = parse_arguments()
     rows = []
+    answers = []
     for real_set in SETS:
         if options.set and real_set.folder not in options.set:
             continue
         if not (options.real / real_set.folder).is_dir():
             print(f"skipped {real_set.folder}: {options.real / real_set.folder} is not a folder", file=sys.stderr)
             continue
-        rows += measure(real_set, options)
+        measured, first = measure(real_set, options)
+        rows += measured
+        answers += first
         if options.json:
             options.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
     if not rows:
         sys.exit(f"{options.real} has none of the folders {', '.join(real_set.folder for real_set in SETS)}")
     print(table(rows))
+    print("\n" + parts_table(answers))
+    print("\nRight answers of first hits by probability:\n\n" + reliability_table(answers))
 
 
 if __name__ == "__main__":

@@ -103,8 +103,9 @@ TEST_F(EvalRetrievalTest, AnswersNameTheFirstHitsOfEveryQuery) {
   std::getline(lines, header);
   EXPECT_EQ(header,
             "descriptor,protocol,words,query,object,rank,hit,hit_object,right,score,probability,"
-            "inliers");
+            "inliers,left_out");
   int first = 0;
+  int left_out = 0;
   for (std::string line; std::getline(lines, line);) {
     EXPECT_EQ(std::count(line.begin(), line.end(), ','),
               std::count(header.begin(), header.end(), ','));
@@ -112,6 +113,11 @@ TEST_F(EvalRetrievalTest, AnswersNameTheFirstHitsOfEveryQuery) {
     std::vector<std::string> cells;
     std::istringstream row(line);
     for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    if (cells[12] == "1") {
+      ++left_out;
+      EXPECT_NE(cells[4], cells[7]);
+      continue;
+    }
     if (cells[5] != "1") continue;
     ++first;
     EXPECT_EQ(cells[4], cells[7]);  // here every first hit is right
@@ -121,6 +127,7 @@ TEST_F(EvalRetrievalTest, AnswersNameTheFirstHitsOfEveryQuery) {
     EXPECT_GT(std::stoi(cells[11]), 5);
   }
   EXPECT_EQ(first, 5);  // of the first seed alone
+  EXPECT_EQ(left_out, 5);
 }
 
 TEST_F(EvalRetrievalTest, AnswersQuoteNames) {

@@ -91,6 +91,23 @@ TEST(ColourDifference, LooksOnlyAtWhatIsSeen) {
   EXPECT_GT(Difference(query, reference).value(), 30);
 }
 
+std::optional<double> Relative(const Paint& query, const Paint& reference) {
+  const std::vector<Vec2> seen = {{10, 10}, {310, 10}, {310, 310}, {10, 310}};
+  return RelativeColourDifference(Painted(query), Painted(reference), Warp(1, {}), seen, 1);
+}
+
+TEST(ColourDifference, RelativeToTheColoursIsNotTheFading) {
+  const auto faded = [](double strength) {
+    return [strength](double x, double y) {
+      const Vec2 chroma = RedAndBlue(x, y);
+      return Vec2{128 + strength * (chroma.x - 128) + 9, 128 + strength * (chroma.y - 128) - 20};
+    };
+  };
+  EXPECT_LT(Relative(faded(0.5), faded(1)).value(), 0.05);
+  EXPECT_LT(Relative(faded(1.3), faded(1)).value(), 0.05);
+  EXPECT_GT(Relative(BlueAndRed, RedAndBlue).value(), 0.5);
+}
+
 TEST(ColourDifference, IsUnknownWithoutColours) {
   const Features image = Painted(RedAndBlue);
   Features grey = image;

@@ -70,17 +70,21 @@ TEST(Judgement, WithoutEvidenceNothingIsFound) {
 }
 
 TEST(Judgement, PixelsTellAnObjectFromItsSiblings) {
-  EXPECT_EQ(SameObject({}), 1) << "unknown";
-  EXPECT_EQ(SameObject(Appearance{0.6, 0.9, 0.2}), 1);
-  EXPECT_LT(SameObject(Appearance{0.1, 0.6, 0.5}), 0.1);
-  const Appearance doubtful{0.3, 0.75, 0.4};
-  const double between = SameObject(doubtful);
+  const auto same = [](const std::optional<Appearance>& appearance, double inliers) {
+    return SameObject(Likeness(appearance, inliers), true);
+  };
+  EXPECT_EQ(same({}, 8), 1) << "unknown";
+  EXPECT_EQ(same(Appearance{0.6, 0.2}, 30), 1);
+  EXPECT_LT(same(Appearance{0.1, 1.0}, 8), 0.1);
+  const Appearance doubtful{0.25, 0.5};
+  const double between = same(doubtful, 8);
   EXPECT_GT(between, 0.1);
   EXPECT_LT(between, 0.95);
-  EXPECT_GT(SameObject(Appearance{0.35, 0.75, 0.4}), between);
-  EXPECT_GT(SameObject(Appearance{0.3, 0.8, 0.4}), between);
-  EXPECT_GT(SameObject(Appearance{0.3, 0.75, 0.35}), between);
-  EXPECT_GT(SameObject(Appearance{0.3, 0.75, {}}), between) << "grey";
+  EXPECT_GT(same(Appearance{0.3, 0.5}, 8), between);
+  EXPECT_GT(same(Appearance{0.25, 0.45}, 8), between);
+  EXPECT_GT(same(Appearance{0.25, {}}, 8), between) << "grey";
+  EXPECT_GT(same(doubtful, 9), between);
+  EXPECT_GT(SameObject(Likeness(doubtful, 8), false), between) << "no sibling is known";
 }
 
 TEST(Judgement, ProbabilitiesAreWholePercentages) {
