@@ -267,8 +267,8 @@ void AddSetFlags(CLI::App& app, Options& options) {
 
 void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
   AddChoice(app, "--protocol", retrieval.protocols,
-            "paper: 10 visual words, histograms; default: like query; unexpanded: the same with "
-            "--expand 0; unverified: the same without verification (default: paper,default)",
+            "paper: 10 visual words, histograms; default: like query; unverified: the same without "
+            "verification (default: paper,default)",
             kRetrievalProtocols);
   app.add_option("--seeds", retrieval.seeds, "number of vocabularies trained for each row")
       ->check(Between(1, 1000));

@@ -363,12 +363,6 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                   "collections)")
       ->check(AboveZero())
       ->option_text("N");
-  app->add_option(
-         "--expand", search.expand,
-         "query expansion: number of verified images to use as further queries (default: 3 by "
-         "image, 0 by object)")
-      ->check(Between(0, kMostExpansions))
-      ->option_text("N");
   app->add_option("--instances", search.max_instances,
                   "maximum number of instances of one object in the query image")
       ->check(Between(1, 100));

@@ -177,9 +177,6 @@ void Validate(const SearchOptions& options) {
   }
   if (options.threads < 0) ThrowInvalid("threads", "must not be negative.");
   if (options.max_instances < 1) ThrowInvalid("max_instances", "must be 1 or more.");
-  if (options.expand && (*options.expand < 0 || *options.expand > kMostExpansions)) {
-    ThrowInvalid("expand", "must be 0 to " + std::to_string(kMostExpansions) + ".");
-  }
   if (options.without.size() > kMaxExcluded) {
     ThrowInvalid("without", "can have at most " + std::to_string(kMaxExcluded) + " images.");
   }

@@ -9,7 +9,6 @@
 
 #include "descriptor/base/stopwatch.h"
 #include "index/store/blob_codec.h"
-#include "index/verify/expansion.h"
 #include "index/verify/suppression.h"
 #include "index/verify/verification.h"
 
@@ -34,12 +33,6 @@ constexpr std::size_t kDeeper = 2;
 bool Verifies(const SearchOptions& options) {
   if (options.verify == Verification::kAuto) return options.rank != RankMethod::kHistogram;
   return options.verify == Verification::kTps;
-}
-
-// Another image of an object that was found by one adds nothing where each object stands once.
-int ExpansionsOf(const SearchOptions& options) {
-  constexpr int kByImage = 3;
-  return options.expand.value_or(options.group_by == GroupBy::kImage ? kByImage : 0);
 }
 
 // Why there is nothing to say about a hit.
@@ -222,7 +215,6 @@ std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking
   std::vector<VerifiedImage> hits = verifier.Verify(std::move(ranking->candidates));
   VerifyDeeper(&verifier, &hits, ranking);
   KeepExclusiveMatches(&hits);
-  if (ExpansionsOf(options_) > 0) Expand(&verifier, &hits, ranking);
   DropWeakEvidence(&hits);
   SuppressNonMaxima(features, &hits);
   SortByProbability(&hits);
@@ -292,58 +284,6 @@ void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedIm
   }
 }
 
-// Lifts the images that agree with the best verified ones, and takes those that were not looked
-// at before out of the ranking's other hits.
-void SearchRun::Expand(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits,
-                       Ranking* ranking) {
-  const auto nearest = [&](const Features& part, std::size_t depth) {
-    RankOptions of_part = rank_;
-    of_part.group_by = GroupBy::kImage;
-    of_part.candidates = depth;
-    of_part.keep = 1;
-    auto found = ranker_.Rank(view_, {part, Quantize(part)}, of_part).candidates;
-    cache_.Fetch(found, Load::kRecordsAndFeatures);
-    return found;
-  };
-  const auto load = [&](std::int64_t version) { return cache_.LoadFeatures(version); };
-  const int most = ExpansionsOf(options_);
-  std::vector<RankedImage> sources;  // still in the cache unless there was more than one batch
-  for (const VerifiedImage* source : ExpansionSources(*hits, most)) {
-    sources.push_back(source->image);
-  }
-  cache_.Fetch(sources, Load::kRecordsAndFeatures);
-  std::unordered_map<std::int64_t, Support> supports;
-  {
-    const ScopedStopwatch watch(&timings_.verify_ms);
-    supports = pliant::Expand(*hits, {.sources = most, .threads = options_.threads}, load, nearest);
-  }
-  std::unordered_set<std::int64_t> looked_at;
-  for (const VerifiedImage& hit : *hits) looked_at.insert(hit.image.ref.version);
-  RankOptions again = rank_;
-  again.candidates = depth_;
-  for (const auto& [version, support] : supports) {
-    if (!looked_at.contains(version)) again.also.push_back(version);
-  }
-  if (!again.also.empty()) {
-    std::sort(again.also.begin(), again.also.end());
-    *ranking = Rank(again);
-    std::erase_if(ranking->candidates, [&](const RankedImage& image) {
-      return !std::binary_search(again.also.begin(), again.also.end(), image.ref.version);
-    });
-    for (VerifiedImage& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
-      hits->push_back(std::move(hit));
-    }
-    KeepExclusiveMatches(hits);
-  }
-  for (VerifiedImage& hit : *hits) {
-    const auto support = supports.find(hit.image.ref.version);
-    if (support == supports.end() || support->second.evidence <= hit.evidence) continue;
-    hit.evidence = support->second.evidence;
-    hit.via = support->second.via;
-    hit.image.score = LiftScore(hit.ranking_score, hit.evidence);
-  }
-}
-
 // The page of hits that the options ask for.
 std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedImage> hits) {
   const std::size_t begin = std::min(options_.offset, hits.size());
@@ -366,7 +306,6 @@ std::vector<Hit> SearchRun::PageOf(std::vector<VerifiedImage> hits) {
     if (KnowsProbabilities()) hit.probability = found.probability;
     hit.inliers = found.inliers();
     hit.instances = std::move(found.instances);
-    hit.via = found.via;
     if (!hit.instances.empty()) hit.polygon = hit.instances.front().polygon;
     hit.metadata = record->metadata;
     hit.source = record->source;

@@ -79,7 +79,6 @@ class SearchRun {
   std::vector<VerifiedImage> Verified(const Features& features, Ranking* ranking);
   void VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits,
                     Ranking* ranking);
-  void Expand(CandidateVerifier* verifier, std::vector<VerifiedImage>* hits, Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedImage> hits);
 
   MemoryRanker& ranker_;

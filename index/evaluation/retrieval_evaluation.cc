@@ -111,8 +111,6 @@ SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions
   if (protocol == RetrievalProtocol::kPaper) {
     search.rank = RankMethod::kHistogram;
     search.verify = Verification::kNone;
-  } else if (protocol == RetrievalProtocol::kUnexpanded) {
-    search.expand = 0;
   } else if (protocol == RetrievalProtocol::kUnverified) {
     search.verify = Verification::kNone;
   }

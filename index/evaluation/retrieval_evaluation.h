@@ -23,13 +23,11 @@ enum class RetrievalProtocol {
   // histograms; nearest by Euclidean distance.
   kPaper,
   kDefault,     // the defaults of `pliant index` and `pliant query`
-  kUnexpanded,  // the default without expansion (`pliant query --expand 0`)
   kUnverified,  // the default without verification (`pliant query --verify none`)
 };
 inline const std::vector<std::pair<std::string, RetrievalProtocol>> kRetrievalProtocols = {
     {"paper", RetrievalProtocol::kPaper},
     {"default", RetrievalProtocol::kDefault},
-    {"unexpanded", RetrievalProtocol::kUnexpanded},
     {"unverified", RetrievalProtocol::kUnverified}};
 
 struct RetrievalOptions {

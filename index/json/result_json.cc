@@ -93,7 +93,6 @@ Json HitJson(const Hit& hit, double found_from) {
                {"inliers", hit.inliers},
                {"polygon", PolygonJson(hit.polygon)},
                {"instances", InstancesJson(hit.instances)},
-               {"via", TextOrNull(hit.via)},
                {"metadata", MetadataJson(hit.metadata)}};
   if (!hit.example.empty()) json["example"] = hit.example;
   if (hit.explanation) json["explain"] = ExplanationJson(*hit.explanation);

@@ -116,14 +116,7 @@ Ranking Chosen(const std::vector<std::vector<Candidate>>& parts, const RankOptio
   for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
   const std::size_t apart = std::min(options.candidates, all.size());
   SortBest(all, apart);
-  auto others = all.begin() + static_cast<std::ptrdiff_t>(apart);
-  if (!options.also.empty()) {
-    const auto first = others;
-    others = std::partition(first, all.end(), [&](const Candidate& c) {
-      return std::ranges::binary_search(options.also, c.image().key);
-    });
-    std::sort(first, others, IsBetter);
-  }
+  const auto others = all.begin() + static_cast<std::ptrdiff_t>(apart);
   ranking.candidates = Named({all.begin(), others});
   std::vector<Candidate> rest(others, all.end());
   std::erase_if(rest, [&](const Candidate& c) { return c.score < options.min_score; });

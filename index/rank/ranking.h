@@ -48,8 +48,6 @@ struct RankOptions {
   // Number of candidates for verification: the best images, independent of score and object, since
   // verification can raise any of them.
   std::size_t candidates = 0;
-  // Further candidates, if they are hits: versions, ascending.
-  std::vector<std::int64_t> also = {};
 };
 
 struct RankedImage {

@@ -60,11 +60,6 @@ struct SearchOptions {
   // strong evidence, but at most 100 or sqrt(images), whichever is more. Twice that if none has
   // strong evidence.
   std::size_t verify_depth = 0;
-  // Query expansion (index/verify/expansion.h), only with verification. The object's region in this
-  // many of the best verified images is a further query, and raises images that match it. 0 to
-  // kMostExpansions. Absent: 3 by image; 0 by object, where further images of a found object add
-  // nothing.
-  std::optional<int> expand;
   int max_instances = 20;  // of one object in the query image; at least 1
   // For Engine::Search with probabilities. If nothing is found, a second pass describes the query
   // image at high resolution (FeatureExtractor::ExtractSecondPass). The result is that of the pass
@@ -100,10 +95,6 @@ struct Hit {
   // All instances of the object, most inliers first. The first repeats `inliers` and `polygon`.
   // Empty if not verified. Further instances do not raise the score.
   std::vector<Instance> instances;
-  // Id of the intermediate hit of query expansion (SearchOptions::expand): this image matches that
-  // one, and that one matches the query. Empty if its own visual words and inliers give at least as
-  // much evidence.
-  std::string via;
   // In a search by several examples: this hit's best example. All positions are in its pixels.
   std::string example;
   std::string metadata = "{}";

@@ -76,8 +76,6 @@ std::vector<VerifiedImage> Rerank(
     }
     if (result.verified()) AddInstance(result, &candidate);
     for (const FoundInstance& other : result.others) AddInstance(other, &candidate);
-    candidate.seen =
-        ConvexHull(PointsOf(features->keypoints, result.inliers, &MatchedPair::reference));
     candidate.by_chance =
         InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing);
     candidate.evidence = Evidence(result.effective_inliers, candidate.by_chance);
@@ -106,7 +104,6 @@ void DropWeakEvidence(std::vector<VerifiedImage>* images) {
   for (VerifiedImage& image : *images) {
     if (HasStrongEvidence(image)) continue;
     image.evidence = 0;
-    image.via.clear();
     image.image.score = image.ranking_score;
   }
 }

@@ -34,10 +34,8 @@ struct VerifiedImage {
   std::vector<double> likeness = {};                // as `instances`; empty without strong evidence
   double by_chance = kJudgement.inliers_by_chance;  // InliersByChance of the pair
   double probability = 0;                           // that the hit is correct (SuppressNonMaxima)
-  double evidence = 0;                   // of its own inliers, or through `via` if that is more
-  std::vector<QueryMatch> matches = {};  // of the inliers of all instances
-  std::vector<Vec2> seen = {};           // hull of the inliers in this image, original pixels
-  std::string via = {};  // id of the verified image that supports it (index/verify/expansion.h)
+  double evidence = 0;                              // of the inliers
+  std::vector<QueryMatch> matches = {};             // of the inliers of all instances
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
   double effective_inliers() const { return instances.empty() ? 0 : instances.front().independent; }
@@ -71,7 +69,7 @@ bool IsDecided(const std::vector<VerifiedImage>& images);
 // down.
 bool IsEnough(const std::vector<VerifiedImage>& verified);
 
-// In a decided search, images without strong evidence (their own or through `via`) get the
+// In a decided search, images without strong evidence get the
 // ranking's score back: nearly all of them are wrong, and chance matches do not order them better.
 // In an undecided search a few inliers count.
 void DropWeakEvidence(std::vector<VerifiedImage>* images);

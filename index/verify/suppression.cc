@@ -9,8 +9,6 @@
 #include <map>
 #include <optional>
 #include <span>
-#include <string>
-#include <unordered_map>
 
 #include "index/verify/judgement.h"
 #include "index/verify/warp_geometry.h"
@@ -132,31 +130,6 @@ Competition CompetitionOf(const Detection& own, const std::vector<Detection>& de
   return competition;
 }
 
-// An image that is supported through another one is no more probable than that one, and less if the
-// two have different names.
-void FollowTheirSources(std::vector<VerifiedImage>* images) {
-  std::unordered_map<std::string, const VerifiedImage*> by_id;
-  std::vector<VerifiedImage*> supported;
-  for (VerifiedImage& image : *images) {
-    by_id.emplace(image.image.ref.id, &image);
-    if (!image.via.empty()) supported.push_back(&image);
-  }
-  // A source has more evidence than what it supports.
-  std::stable_sort(supported.begin(), supported.end(),
-                   [](const auto* a, const auto* b) { return a->evidence > b->evidence; });
-  for (VerifiedImage* image : supported) {
-    const auto at = by_id.find(image->via);
-    if (at == by_id.end()) continue;
-    const VerifiedImage& source = *at->second;
-    const double alone = Probability(image->ranking_score, image->evidence);
-    const double sources = Probability(source.ranking_score, source.evidence);
-    const std::int64_t object = image->image.object;
-    const bool differ = object != 0 && source.image.object != 0 && object != source.image.object;
-    image->probability = alone * source.probability / std::max(1e-12, sources) /
-                         (1 + (differ ? Doubt(Odds(sources), Odds(alone)) : 0));
-  }
-}
-
 // An image without inliers has no place of its own, so the most probable one is its rival wherever
 // that is.
 void SuppressWithoutInstances(std::vector<VerifiedImage>* images) {
@@ -200,7 +173,6 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
   for (std::size_t i = 0; i < images->size(); ++i) {
     (*images)[i].probability *= shares[i].value_or(1);
   }
-  FollowTheirSources(images);
   SuppressWithoutInstances(images);
   for (std::size_t i = 0; i < images->size(); ++i) {
     VerifiedImage& image = (*images)[i];

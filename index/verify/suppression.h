@@ -18,16 +18,11 @@ namespace pliant {
 //     with several instances gets the largest of its shares. Scores stay.
 //   - The object that keeps most of its matches (KeepExclusiveMatches) wins: overlapping instances
 //     of the others are removed, but one of each image stays.
-//   - The probability, and the odds o, are multiplied by what the pixels say (SameObject), if
-//   images
-//     of other objects match there, too. Where the collection has no siblings none is suspected: a
-//     smooth warp is too inexact for the pixels of strongly crumpled objects.
+//   - The probability, and the odds o, are multiplied by what the pixels say (SameObject).
 //   - An image without evidence has no place of its own: it gets p (1 - the largest probability).
 // Objects that keep equally many matches, as copies under two names do, do not compete. Neither do
-// images without a name, nor those of the same object. An image supported through another one
-// (`via`) loses the same share of its probability as that one, and more if the two show different
-// objects. Sets `probability` of all images, rounded. `query`: the query against which `images`
-// were verified.
+// images without a name, nor those of the same object. Sets `probability` of all images, rounded.
+// `query`: the query against which `images` were verified.
 void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images);
 
 }  // namespace pliant

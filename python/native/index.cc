@@ -277,7 +277,6 @@ SearchOptions ToOptions(const py::dict& given, const std::string& collection) {
             std::array{std::pair{"auto", Verification::kAuto}, std::pair{"tps", Verification::kTps},
                        std::pair{"none", Verification::kNone}});
   options.verify_depth = given["verify_depth"].cast<std::size_t>();
-  options.expand = given["expand"].cast<std::optional<int>>();
   options.max_instances = given["instances"].cast<int>();
   options.second_pass = given["closer_look"].cast<bool>();
   if (const auto region = given["region"].cast<std::optional<std::array<double, 4>>>()) {

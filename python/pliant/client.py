@@ -230,7 +230,7 @@ class Client:
         server fetches one, the id of a stored image, or several ids. Images similar to several of them come first.
         Stored query images are not hits, except with exclude_self=False.
 
-        options: offset, group_by, rank, verify, verify_depth, expand, instances, closer_look, region ("x,y,width,height"
+        options: offset, group_by, rank, verify, verify_depth, instances, closer_look, region ("x,y,width,height"
         or four numbers), min_score, object, explain, exclude_self.
         """
         if sum(given is not None for given in (image, image_id, image_ids, image_url)) != 1:

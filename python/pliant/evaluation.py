@@ -35,7 +35,7 @@ def evaluate_retrieval(folder: str | os.PathLike[str], describe: Callable[[str],
     per descriptor and protocol; those of `name` come last.
 
     describe: as in `evaluate_matching`, at most 4096 keypoints. An image is searched and stored with the same features.
-    protocols: "paper", "default", "unexpanded", "unverified". seeds: number of vocabularies for each row.
+    protocols: "paper", "default", "unverified". seeds: number of vocabularies for each row.
     """
     return json.loads(_native.evaluate_retrieval(
         _checks.path("folder", folder), _checks.text("name", name), _caller(describe), _names(descriptors), default_model(),

@@ -200,8 +200,7 @@ class Index:
             group_by: "object" (one hit per object, its best image) or "image".
             rank: "neighbours" or "histogram".
             verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images to verify, 0 = adaptive, 30
-                to 100 and more in large collections; expand: number of verified images for query expansion, None = 3
-                by image, 0 by object; instances: maximum number of instances of one object, 20.
+                to 100 and more in large collections; instances: maximum number of instances of one object, 20.
             closer_look: if nothing is found, run a second pass at high resolution and return the answer with more
                 evidence (True); not with Features.
             region: (x, y, width, height) in pixels of the query: searches only this part, at its full resolution.
@@ -254,7 +253,7 @@ def _region(region: Sequence[float] | None) -> list[float] | None:
 
 def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
     known: dict[str, Any] = {"offset": 0, "group_by": "object", "rank": "neighbours", "verify": "auto",
-                             "verify_depth": 0, "expand": None, "instances": 20, "closer_look": True, "region": None,
+                             "verify_depth": 0, "instances": 20, "closer_look": True, "region": None,
                              "min_score": 0.0, "object": None, "filter": None, "explain": False, "threads": 0}
     for name in given:
         if name not in known:
@@ -264,8 +263,6 @@ def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
         options[name] = _checks.whole(name, options[name], 0, most)
     for name in ("group_by", "rank", "verify"):
         options[name] = _checks.text(name, options[name])
-    if options["expand"] is not None:
-        options["expand"] = _checks.whole("expand", options["expand"])
     if options["object"] is not None:
         options["object"] = _checks.text("object", options["object"])
     options["region"] = _region(options["region"])

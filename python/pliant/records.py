@@ -67,7 +67,6 @@ class Hit:
     inliers: int  # matches that fit one warp; 0 without verification
     polygon: npt.NDArray[np.float64] | None  # K x 2, outline of the object in the query, not closed
     instances: list[Instance]
-    via: str | None  # id of the image that found the hit by query expansion
     metadata: dict[str, Any]
     explain: dict[str, Any] | None  # as in the HTTP interface; only with explain=True
 
@@ -104,7 +103,7 @@ def _hit(hit: dict[str, Any]) -> Hit:
     return Hit(hit["rank"], hit["object"], hit["score"], hit["probability"], hit["verdict"], hit["image_id"], hit["inliers"],
                _polygon(hit["polygon"]),
                [Instance(place["inliers"], _polygon(place["polygon"])) for place in hit["instances"]],
-               hit.get("via"), hit["metadata"], hit.get("explain"))
+               hit["metadata"], hit.get("explain"))
 
 
 def image(document: dict[str, Any], outcome: str | None = None) -> Image:

@@ -133,7 +133,6 @@ constexpr const char* kSchemas = R"json({
     "inliers": "integer: matches that fit one smooth warp",
     "polygon": "points|null: outline of the object in the photo",
     "instances[]?": {"inliers": "integer", "polygon": "points|null"},
-    "via?": "string|null: the image through which query expansion reached this hit",
     "example?": "string: with image_ids: the best-matching example; all positions are in it",
     "metadata": "any", "explain?": "Explanation"},
   "Size": {"": "of the upright image, in pixels", "width": "integer", "height": "integer"},

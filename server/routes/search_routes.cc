@@ -68,10 +68,6 @@ std::vector<Parameter> SearchParameters() {
                 "number of candidates to verify. Default: adaptive, 30 to 100 or the square root "
                 "of the collection's size, while candidates match; twice that if none matches")
           .Integer(1, kLargestDepth),
-      Parameter("expand",
-                "query expansion: number of verified images to use as further queries, for views "
-                "that the query alone does not reach. Default: 3 if group_by is image, else 0")
-          .Integer(0, kMostExpansions),
       Parameter("instances", "maximum number of instances of one object in the photo")
           .Integer(1, kMostInstances)
           .Default("20"),
@@ -126,9 +122,6 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
   options.object = parameters.Text("object");
   options.verify_depth =
       static_cast<std::size_t>(parameters.Get<std::int64_t>("verify_depth").value_or(0));
-  if (const auto expand = parameters.Get<std::int64_t>("expand")) {
-    options.expand = static_cast<int>(*expand);
-  }
   options.max_instances = parameters.Value<int>("instances");
   if (const auto filter = parameters.Text("filter")) options.filter = ParseFilter(*filter);
   options.explain = parameters.Value<bool>("explain");

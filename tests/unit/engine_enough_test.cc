@@ -79,7 +79,6 @@ class EngineEnoughTest : public EngineTest {
   // How many images the search has verified.
   std::size_t LookedAt(std::size_t depth) {
     SearchOptions options = ByImage(200);
-    options.expand = 0;
     options.explain = true;
     options.verify_depth = depth;
     const SearchResult result = engine_.SearchFeatures(query_, options);

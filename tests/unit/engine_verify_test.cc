@@ -140,52 +140,6 @@ TEST_P(EngineVerifyTest, GroupsPagesAndMinimumScore) {
   }
 }
 
-TEST_P(EngineVerifyTest, ExpansionLiftsAndNamesTheHitBetween) {
-  for (int object = 1; object <= 3; ++object) {
-    Add(OtherViewPng(static_cast<std::uint64_t>(object)), object, "b");
-  }
-  SearchOptions options;
-  options.verify = Verification::kTps;
-  options.group_by = GroupBy::kImage;
-  options.limit = 0;
-  options.verify_depth = 1;  // the other view is for the first to find
-  for (int object = 1; object <= 3; ++object) {
-    SCOPED_TRACE(object);
-    const auto image = RandomPng(static_cast<std::uint64_t>(object));
-    const std::string name = std::to_string(object);
-    options.expand = 0;
-    const SearchResult plain = engine_.Search(image, options);
-    options.expand = 1;
-    const SearchResult expanded = engine_.Search(image, options);
-    EXPECT_EQ(expanded.total, plain.total);
-    EXPECT_EQ(expanded.hits.size(), plain.hits.size());
-    std::map<std::string, double> before;
-    for (const Hit& hit : plain.hits) {
-      before[hit.image_id] = hit.score;
-      EXPECT_EQ(hit.via, "");
-    }
-    for (const Hit& hit : expanded.hits) EXPECT_GE(hit.score, before.at(hit.image_id));
-    ASSERT_GE(expanded.hits.size(), 2U);
-    EXPECT_EQ(expanded.hits[0].image_id, "p" + name + "a");
-    EXPECT_EQ(expanded.hits[1].image_id, "p" + name + "b");
-    EXPECT_GT(expanded.hits[1].inliers, 0);  // looked at itself, once it was found
-    for (const Hit& hit : expanded.hits) {
-      EXPECT_TRUE(hit.via.empty() || hit.via == expanded.hits[0].image_id) << hit.via;
-    }
-    // By default: by image, not by object.
-    options.expand.reset();
-    EXPECT_EQ(engine_.Search(image, options).hits[1].score, expanded.hits[1].score);
-    // Pages fit together.
-    options.offset = 1;
-    options.limit = 1;
-    EXPECT_EQ(engine_.Search(image, options).hits.at(0).image_id, "p" + name + "b");
-    options.offset = 0;
-    options.limit = 0;
-  }
-  options.expand = kMostExpansions + 1;
-  EXPECT_THROW(engine_.Search(RandomPng(1), options), Error);
-}
-
 TEST_P(EngineVerifyTest, OnlyTheRegionIsMatched) {
   SearchOptions options;
   options.verify = Verification::kTps;

@@ -72,13 +72,11 @@ TEST(DropWeakEvidence, FewInliersCountWhereNothingIsDecided) {
   std::vector<VerifiedImage> decided = {Matching(1, 0, 5, 0.5F), Matching(2, 5, 6, 0.5F),
                                         Matching(3, 20, 7, 0.5F)};
   EXPECT_TRUE(IsDecided(decided));
-  decided[0].via = "supporter";
   const double second = decided[1].image.score;
   const double third = decided[2].image.score;
   DropWeakEvidence(&decided);
   EXPECT_EQ(decided[0].evidence, 0);
   EXPECT_EQ(decided[0].image.score, kRanked);
-  EXPECT_EQ(decided[0].via, "") << "support that does not count is not named";
   EXPECT_EQ(decided[0].inliers(), 5) << "they are still shown";
   EXPECT_EQ(decided[1].image.score, second);
   EXPECT_EQ(decided[2].image.score, third);

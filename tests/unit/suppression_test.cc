@@ -121,33 +121,6 @@ TEST(SuppressNonMaxima, SiblingsSideBySideAreEachInTheirPlace) {
   for (const VerifiedImage& image : images) EXPECT_GT(image.probability, 0.9);
 }
 
-VerifiedImage Through(const std::string& source, std::int64_t object, double score) {
-  VerifiedImage image = Scored("through " + source, object, score);
-  image.via = source;
-  return image;
-}
-
-TEST(SuppressNonMaxima, WhatAgreesThroughAnotherImageIsNoSurerThanThatIs) {
-  std::vector<VerifiedImage> images = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.95, 0, 40, 0.5F),
-                                       Through("beaten", 2, 0.94)};
-  images[1].image.ref.id = "beaten";
-  SuppressNonMaxima(Query(), &images);
-  EXPECT_LT(images[1].probability, 0.1);
-  EXPECT_NEAR(images[2].probability, images[1].probability, 0.001);
-}
-
-TEST(SuppressNonMaxima, WhatAgreesThroughAnotherObjectIsItsRival) {
-  std::vector<VerifiedImage> images = {Seen(1, 0.999, 0, 50, 0.3F), Through("image", 2, 0.94),
-                                       Through("image", 1, 0.94), Through("image", 0, 0.94),
-                                       Through("gone", 2, 0.94)};
-  SuppressNonMaxima(Query(), &images);
-  EXPECT_DOUBLE_EQ(images[0].probability, Alone(0.999));
-  EXPECT_LE(images[1].probability, 0.01);
-  for (std::size_t i = 2; i < 5; ++i) {
-    EXPECT_DOUBLE_EQ(images[i].probability, Alone(0.94)) << i;
-  }
-}
-
 TEST(SuppressNonMaxima, InPlacesOfTheirOwnAllAreFound) {
   std::vector<VerifiedImage> images = {Seen(1, 0.99, 0, 50, 0.3F), Seen(2, 0.9, 100, 40, 0.5F)};
   See(&images[0], 100, 30, 0.6F);  // more alike to the other one
@@ -174,12 +147,10 @@ TEST(SuppressNonMaxima, WhatLooksLikeASiblingIsLessProbableWhereThereAreSiblings
   alone[0].likeness = {0};
   std::vector<VerifiedImage> among = alone;
   among.push_back(Seen(2, 0.003, 0, 20, 0.5F));
-  among.push_back(Through("image", 1, 0.94));
   SuppressNonMaxima(Query(), &alone);
   SuppressNonMaxima(Query(), &among);
   EXPECT_GT(alone[0].probability, 0.95) << "crumpled";
   EXPECT_NEAR(among[0].probability, 0.53, 0.01);
-  EXPECT_LE(among[2].probability, among[0].probability) << "found through it";
 }
 
 TEST(SuppressNonMaxima, OfSiblingsTheOneThatLooksRightWins) {

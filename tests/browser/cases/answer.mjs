@@ -54,7 +54,7 @@ function answerOf(strong, total) {
     const hits = Array.from({ length: Math.min(limit, total - offset) }, (_, i) => ({
       rank: offset + i + 1, object: `thing ${offset + i + 1}`, image_id: `id-${offset + i}`, source: "",
       score: offset + i < strong ? 0.9 : 0.001, probability: offset + i < strong ? 0.99 : 0.03, verdict: offset + i < strong ? "found" : "unlikely", inliers: 0,
-      polygon: null, instances: [], via: null, metadata: {} }));
+      polygon: null, instances: [], metadata: {} }));
     return route.fulfill({ json: { took_ms: 5, total, found: strong, hits } });
   };
 }
@@ -86,7 +86,7 @@ test("a hit leads to its object, and shows its labels; an address among them is 
   const labels = [{ shelf: 4, url: "https://shop.example/things?id=7" }, { url: "javascript:alert(1)" }, { site: "https://shop.example/" }];
   await page.route("**/search", (route) => route.fulfill({ json: { took_ms: 5, total: 3, found: 3, hits: labels.map((metadata, i) => ({
     rank: i + 1, object: i ? `thing ${i}` : "poster", image_id: `id-${i}`, source: "", score: 0.9, probability: 0.99, verdict: "found", inliers: 9,
-    polygon: null, instances: [], via: null, metadata })) } }));
+    polygon: null, instances: [], metadata })) } }));
   await page.locator("#search-file").setInputFiles(unknown);
   await house.waitForText(page, "#results .hit:first-child .labels", /^shelf: 4\s*url: https:\/\/shop\.example\/things\?id=7$/);
   const links = await page.locator("#results .labels a").evaluateAll((list) => list.map(({ href, rel }) => [href, rel]));
