@@ -126,6 +126,9 @@ class FeatureExtractor {
   Features ExtractFrom(const Image& image, int threads, ExtractionTimings* timings = nullptr,
                        ImageRole role = ImageRole::kQuery) const;
 
+  // Of the mirrored image, in its pixels: x is the original's width - 1 - x.
+  Features ExtractMirrored(Bytes encoded, int threads, ExtractionTimings* timings = nullptr) const;
+
   // The second pass at high resolution (SecondPassSide). Returns `known`, which this extractor made
   // of the same file and part, followed by the new features. They are at most 4 x
   // keypoints.max_keypoints, and at most 4096. Absent if a second pass cannot find more, or if

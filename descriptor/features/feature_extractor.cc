@@ -147,6 +147,16 @@ Features FeatureExtractor::Extract(const DecodedImage& decoded, const std::optio
   return features;
 }
 
+Features FeatureExtractor::ExtractMirrored(Bytes encoded, int threads,
+                                           ExtractionTimings* timings) const {
+  Stopwatch watch;
+  DecodedImage decoded = Decode(encoded);
+  decoded.image = MirrorImage(decoded.image);
+  decoded.thumbnail = MirrorImage(decoded.thumbnail);
+  if (timings != nullptr) timings->decode_ms = watch.LapMs();
+  return Extract(decoded, threads, timings);
+}
+
 std::optional<Features> FeatureExtractor::ExtractSecondPass(Bytes encoded, const Features& known,
                                                             const std::optional<Region>& part,
                                                             int threads,

@@ -285,6 +285,13 @@ Image CutOut(const Image& image, const PixelBox& box) {
   return CopyFromMat(ViewAsMat(image)(cv::Rect(box.x, box.y, box.width, box.height)));
 }
 
+Image MirrorImage(const Image& image) {
+  if (image.empty()) return image;
+  cv::Mat mirrored;
+  cv::flip(ViewAsMat(image), mirrored, 1);
+  return CopyFromMat(mirrored);
+}
+
 Image ResizeImage(const Image& image, int width, int height) {
   if (width < 1 || height < 1 || image.empty()) {
     throw Error(

@@ -137,6 +137,9 @@ Image CutOut(const Image& image, const PixelBox& box);
 // Scales to exactly width x height: bicubic to a larger image, otherwise by averaging areas.
 Image ResizeImage(const Image& image, int width, int height);
 
+// Left and right exchanged.
+Image MirrorImage(const Image& image);
+
 // Before a process restricts itself to open no files: loads the plugins of the decoders. From now
 // on ResizeImage starts no threads.
 void PrepareForSandbox();

@@ -120,7 +120,14 @@ class Merger {
   std::map<std::pair<bool, std::string>, Entry> merged_;
 };
 
+void AddUp(const ExtractionTimings& one, ExtractionTimings* sum) {
+  sum->decode_ms += one.decode_ms;
+  sum->detect_ms += one.detect_ms;
+  sum->describe_ms += one.describe_ms;
+}
+
 void AddUp(const SearchTimings& one, SearchTimings* sum) {
+  AddUp(one.extraction, &sum->extraction);
   sum->quantize_ms += one.quantize_ms;
   sum->rank_ms += one.rank_ms;
   sum->verify_ms += one.verify_ms;
@@ -142,12 +149,6 @@ ComparedImage Checked(const Features& features, const char* which) {
                     " keypoints; at least " + std::to_string(kMinKeypoints) + " are needed.");
   }
   return {features.width, features.height, static_cast<std::uint32_t>(keypoints)};
-}
-
-void AddUp(const ExtractionTimings& one, ExtractionTimings* sum) {
-  sum->decode_ms += one.decode_ms;
-  sum->detect_ms += one.detect_ms;
-  sum->describe_ms += one.describe_ms;
 }
 
 // What the features of both say; adds to verify_ms.
@@ -231,6 +232,32 @@ SearchResult Answer(EngineCore& core, const CollectionView& view, Features featu
   return result;
 }
 
+// A print of letters or pictures matches its mirror image only where it is symmetric.
+bool CanBeMirrored(const SearchResult& result, const SearchOptions& options) {
+  constexpr double kUnmirrored = 15;  // most symmetric motifs have less evidence
+  return options.second_pass && !options.region && result.found && result.evidence < kUnmirrored;
+}
+
+bool IsMirrored(const SearchResult& mirrored, const SearchResult& result) {
+  constexpr double kClearly = 2;
+  return mirrored.found > std::size_t{0} && mirrored.evidence > kClearly * result.evidence;
+}
+
+// Back to the pixels of the query.
+void Unmirror(SearchResult* result) {
+  const double last = result->query_width - 1.0;
+  const auto unmirror = [&](auto& points) {
+    for (auto& p : points) p.x = static_cast<decltype(p.x)>(last - p.x);
+  };
+  for (Hit& hit : result->hits) {
+    unmirror(hit.polygon);
+    for (Instance& instance : hit.instances) unmirror(instance.polygon);
+    if (!hit.explanation) continue;
+    for (PointPair& pair : hit.explanation->inliers) pair.query.x = last - pair.query.x;
+    if (hit.explanation->mesh) unmirror(hit.explanation->mesh->points);
+  }
+}
+
 // All of the object's images, or one more than are compared.
 std::vector<ImageRef> ImagesOf(EngineCore& core, const std::string& collection,
                                const std::string& object) {
@@ -273,11 +300,22 @@ SearchResult EngineSearch::Search(Bytes encoded, const SearchOptions& options) {
   const Features features =
       options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
                      : extractor.Extract(encoded, options.threads, &timings);
-  return Answer(core_, view, InStoredPrecision(features), options, timings,
-                [&](ExtractionTimings* more) {
-                  return extractor.ExtractSecondPass(encoded, features, options.region,
-                                                     options.threads, more);
-                });
+  SearchResult result = Answer(core_, view, InStoredPrecision(features), options, timings,
+                               [&](ExtractionTimings* more) {
+                                 return extractor.ExtractSecondPass(
+                                     encoded, features, options.region, options.threads, more);
+                               });
+  if (!CanBeMirrored(result, options)) return result;
+  const Features flipped = extractor.ExtractMirrored(encoded, options.threads, &timings);
+  SearchResult mirrored = Answer(core_, view, InStoredPrecision(flipped), options, timings);
+  const bool is_mirrored = IsMirrored(mirrored, result);
+  SearchResult& answer = is_mirrored ? mirrored : result;
+  SearchResult& other = is_mirrored ? result : mirrored;
+  AddUp(other.timings, &answer.timings);
+  answer.second_pass |= other.second_pass;
+  if (is_mirrored) Unmirror(&answer);
+  answer.mirrored = is_mirrored;
+  return std::move(answer);
 }
 
 SearchResult EngineSearch::SearchStored(const std::string& image_id, const SearchOptions& options) {

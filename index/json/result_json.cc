@@ -119,6 +119,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"words", result.words},
                {"keypoints", result.keypoints},
                {"looked_closer", result.second_pass},
+               {"mirrored", result.mirrored},
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
                {"verdict", VerdictJson(result)},

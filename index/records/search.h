@@ -34,8 +34,6 @@ struct Point {
   double x = 0, y = 0;
 };
 
-inline constexpr int kMostExpansions = 20;
-
 inline constexpr std::size_t kMaxExcluded = 1000;
 inline constexpr std::size_t kMaxExamples = 16;
 
@@ -63,7 +61,8 @@ struct SearchOptions {
   int max_instances = 20;  // of one object in the query image; at least 1
   // For Engine::Search with probabilities. If nothing is found, a second pass describes the query
   // image at high resolution (FeatureExtractor::ExtractSecondPass). The result is that of the pass
-  // whose first hit has more evidence.
+  // whose first hit has more evidence. If little evidence is found, and without a region, a third
+  // one looks for mirrored objects.
   bool second_pass = true;
   std::optional<Region> region;  // only this part of the query, in pixels of the upright original
   double min_score = 0;
@@ -129,6 +128,7 @@ struct SearchResult {
   bool perhaps = false;
   double evidence = 0;       // of the first hit over all pages (VerifiedImage)
   bool second_pass = false;  // a second pass was made; this can be either pass's result
+  bool mirrored = false;     // the query shows the first hit mirrored, as a selfie does
   RankMethod rank = RankMethod::kNeighbours;  // the method used
   std::int64_t vocabulary = 0;                // id of the vocabulary used
   std::size_t words = 0;                      // its size

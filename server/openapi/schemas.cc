@@ -112,6 +112,7 @@ constexpr const char* kSchemas = R"json({
     "vocabulary": "integer: its number", "words": "integer: size of the vocabulary",
     "keypoints": "integer: of the query, inside the region",
     "looked_closer": "boolean: the server made a second pass at high resolution (closer_look)",
+    "mirrored": "boolean: the photo shows the first hit mirrored",
     "query": "QueryImage|null: null with image_ids",
     "examples[]?": {"": "with image_ids", "image_id": "string", "keypoints": "integer",
       "width": "integer", "height": "integer"},

@@ -140,6 +140,32 @@ TEST_P(EngineVerifyTest, GroupsPagesAndMinimumScore) {
   }
 }
 
+TEST_P(EngineVerifyTest, AMirroredObjectIsFoundAsMirrored) {
+  const Image image = DecodeImage(RandomPng(3)).image;
+  SearchOptions options;
+  options.verify = Verification::kTps;
+  options.explain = true;
+  const SearchResult plain = engine_.Search(EncodePng(image), options);
+  EXPECT_FALSE(plain.mirrored);
+  const SearchResult mirrored = engine_.Search(EncodePng(MirrorImage(image)), options);
+  ASSERT_EQ(mirrored.found, 1U);
+  EXPECT_TRUE(mirrored.mirrored);
+  const Hit& hit = mirrored.hits.front();
+  EXPECT_EQ(hit.image_id, "p3a");
+  EXPECT_EQ(hit.inliers, plain.hits.front().inliers);
+  // In the pixels of what was asked, where right is left.
+  const double last = image.width - 1;
+  for (const PointPair& pair : hit.explanation.value().inliers) {
+    EXPECT_NEAR(pair.query.x, last - pair.reference.x, 3);
+    EXPECT_NEAR(pair.query.y, pair.reference.y, 3);
+  }
+  EXPECT_GT(hit.explanation->mesh.value().points.front().x, last / 2);
+  EXPECT_NEAR(hit.polygon.front().x, last - plain.hits.front().polygon.front().x, 3);
+  EXPECT_GE(mirrored.timings.extraction.describe_ms, 0);
+  options.second_pass = false;
+  EXPECT_FALSE(engine_.Search(EncodePng(MirrorImage(image)), options).mirrored);
+}
+
 TEST_P(EngineVerifyTest, OnlyTheRegionIsMatched) {
   SearchOptions options;
   options.verify = Verification::kTps;
