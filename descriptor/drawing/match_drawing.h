@@ -20,8 +20,8 @@ struct DrawnMatch {
   Verdict verdict = Verdict::kUnknown;
 };
 
-// Correct matches in green, wrong ones in red, unknown ones in blue; `outline` (in the second
-// image, may be empty) in yellow; `caption` below.
+// Correct matches in blue, wrong ones in orange, those without a verdict in purple; `outline` (in
+// the second image, may be empty) in yellow; `caption` and a legend below.
 Image DrawMatches(const Image& first, const Image& second, std::span<const DrawnMatch> matches,
                   std::span<const Vec2> outline, const std::string& caption);
 

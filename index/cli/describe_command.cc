@@ -16,6 +16,7 @@
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"
+#include "index/engine/query_extraction.h"
 #include "index/files/features_npz.h"
 #include "index/files/text.h"
 
@@ -54,6 +55,7 @@ struct Options {
   std::filesystem::path image;
   std::filesystem::path out;
   int threads = 0;
+  bool enlarge = false;
   bool json = false;
 };
 
@@ -92,7 +94,7 @@ ExitStatus DescribeAll(const Options& options) {
   return folder.skipped.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
 }
 
-ExitStatus Run(const Options& options) {
+ExitStatus Run(Options options) {
   if (options.out.extension() != ".npz" && options.out != kStandardOutput) {
     throw Error(
         ErrorCode::kInvalidArgument, "bad_features_name",
@@ -101,6 +103,7 @@ ExitStatus Run(const Options& options) {
             "output");
   }
   CheckOutput(options.out, "--out", options.json);
+  if (options.enlarge) options.engine.extraction = QueryExtraction(options.engine.extraction);
   std::error_code error;  // reading it says what is wrong
   if (std::filesystem::is_directory(options.image, error)) return DescribeAll(options);
   const ImageInput image = ReadImage(options.image, options.engine.extraction.decode.max_bytes);
@@ -141,6 +144,9 @@ void AddDescribeCommand(CLI::App& program, ExitStatus& status) {
       ->required()
       ->type_name("FILE");
   AddExtractionFlags(*app, options->engine);
+  app->add_flag("--enlarge", options->enlarge,
+                "describe as a search describes its query: twice as many keypoints, also of low "
+                "contrast, and as many again of the enlarged image");
   AddJobsFlag(*app, options->threads);
   AddJsonFlag(*app, options->json);
   app->footer(

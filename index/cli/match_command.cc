@@ -414,9 +414,10 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
       ->check(AboveZero());
   app->add_flag("--verify", options->verify, "keep only matches that fit one smooth warp");
   CLI::Option* draw =
-      app->add_option("--draw", options->draw,
-                      "draw both images with the matches: green correct, red wrong, blue unknown; "
-                      "- = standard output")
+      app->add_option(
+             "--draw", options->draw,
+             "draw both images with the matches: blue correct, orange wrong, purple unknown; "
+             "- = standard output")
           ->type_name("PNG");
   CLI::Option* colmap =
       app->add_option(

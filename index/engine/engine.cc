@@ -3,11 +3,11 @@
 #include "index/engine/engine.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "descriptor/base/error.h"
 #include "descriptor/features/foreign_features.h"
 #include "index/engine/engine_core.h"
+#include "index/engine/query_extraction.h"
 #include "index/store/blob_codec.h"
 #include "index/store/database_url.h"
 #include "index/store/open_store.h"
@@ -31,7 +31,6 @@ std::shared_ptr<const Descriptor> MakeDescriptorFor(const EngineOptions& options
 // stored one.
 constexpr int kQueryPreviewSide = 4 * 128;
 constexpr int kQueryColourSide = 4 * kColourGridSide;
-constexpr int kQueryKeypoints = 2;  // times those of an indexed image
 
 }  // namespace
 
@@ -149,16 +148,15 @@ const EngineCore::Extractors& EngineCore::extractors() {
     ExtractionOptions extraction = options_.extraction;  // others read that
     StoreLimits(extraction);
     const int kept = extraction.keypoints.max_keypoints;
-    extraction.keypoints.max_keypoints = std::min(kQueryKeypoints * kept, kMaxKeypoints);
-    extraction.keep = kept;
-    extraction.enlarge_below = options_.enlarge ? kept : 0;
-    FeatureExtractor indexed(descriptor, extraction);
-    extraction.keep = 0;
-    extraction.enlarge_below = options_.enlarge ? std::numeric_limits<int>::max() : 0;
-    extraction.colour_side = kQueryColourSide;
-    extraction.preview_side_px = kQueryPreviewSide;
+    ExtractionOptions query = QueryExtraction(extraction);
+    ExtractionOptions indexed = query;
+    indexed.keep = kept;
+    indexed.enlarge_below = options_.enlarge ? kept : 0;
+    if (!options_.enlarge) query.enlarge_below = 0;
+    query.colour_side = kQueryColourSide;
+    query.preview_side_px = kQueryPreviewSide;
     extractors_ = std::make_unique<const Extractors>(
-        Extractors{std::move(indexed), {std::move(descriptor), extraction}});
+        Extractors{{descriptor, indexed}, {std::move(descriptor), query}});
   }
   return *extractors_;
 }

@@ -155,16 +155,18 @@ class EngineImages {
   // Removes all selected images in one step, or none. Returns their number. A selection of the
   // whole collection is kInvalidArgument "selection_empty".
   std::uint64_t RemoveWhere(const Selection& which);
-  // Changes object or metadata without describing the image again. Returns the new record.
-  // kNotFound "image_not_found"; kInvalidArgument for invalid values; what `check` throws.
+  // Changes object, metadata or collection without describing the image again. Returns the new
+  // record. kNotFound "image_not_found", "collection_not_found"; kConflict "image_exists" in the
+  // other collection; kInvalidArgument for invalid values; what `check` throws.
   ImageRecord Change(const std::string& collection, const std::string& id,
                      const ImageChange& change);
 
   std::optional<ObjectRecord> GetObject(const std::string& collection, const std::string& object);
   std::uint64_t RemoveObject(const std::string& collection, const std::string& object,
                              const ObjectCheck& check = {});
-  // Renames the object in all its images in one step. kNotFound "object_not_found"; kConflict
-  // "object_exists"; kInvalidArgument; what `check` throws.
+  // Renames the object in all its images, or moves them to another collection, in one step.
+  // kNotFound "object_not_found", "collection_not_found"; kConflict "object_exists",
+  // "image_exists"; kInvalidArgument; what `check` throws.
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
 

@@ -173,6 +173,25 @@ std::string Shown(std::string_view name, std::size_t most_bytes) {
   return ToDisplayText(name.substr(0, most_bytes)) + "...";
 }
 
+std::string NaturalKey(std::string_view text) {
+  constexpr std::string_view kDigits = "0123456789";
+  constexpr std::size_t kCountDigits = 5;  // of the number of digits: more than a name can have
+  std::string key;
+  while (!text.empty()) {
+    const std::size_t before = std::min(text.find_first_of(kDigits), text.size());
+    key += text.substr(0, before);
+    text.remove_prefix(before);
+    if (text.empty()) break;
+    const std::size_t end = std::min(text.find_first_not_of(kDigits), text.size());
+    const std::size_t zeros = std::min(text.find_first_not_of('0'), end);
+    const std::string count = std::to_string(end - zeros);
+    key.append(kCountDigits - std::min(kCountDigits, count.size()), '0');
+    key.append(count).append(text.substr(zeros, end - zeros));
+    text.remove_prefix(end);
+  }
+  return key;
+}
+
 std::string PercentEncode(std::string_view text, std::string_view kept) {
   static constexpr char kDigits[] = "0123456789ABCDEF";
   std::string out;

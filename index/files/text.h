@@ -29,6 +29,10 @@ std::string ToDisplayText(std::string_view text);
 inline constexpr std::size_t kMostShownBytes = 512;  // an object's name
 std::string Shown(std::string_view name, std::size_t most_bytes = kMostShownBytes);
 
+// Text whose bytes are in the natural order of `text`: runs of digits by their value, so that "(2)"
+// is before "(10)". A run is written as the number of its digits, without leading zeros, and these.
+std::string NaturalKey(std::string_view text);
+
 // RFC 3986, 2.1: every byte but letters, digits and those in `kept` as %HH.
 std::string PercentEncode(std::string_view text, std::string_view kept);
 

@@ -3,14 +3,17 @@
 #include "index/records/filter.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <compare>
+#include <cstdio>
 #include <limits>
 #include <type_traits>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
+#include "index/files/text.h"
 #include "index/records/filter_value.h"
 
 namespace pliant {
@@ -67,6 +70,15 @@ std::partial_ordering Compare(const FilterValue& a, const FilterValue& b) {
   return a == b ? std::partial_ordering::equivalent : std::partial_ordering::unordered;
 }
 
+bool PassesText(const FilterCondition& condition, const FilterValue& value) {
+  if (!condition.prefix && !condition.contains) return true;
+  const auto* text = std::get_if<std::string>(&value);
+  if (text == nullptr) return false;
+  const std::u32string folded = FoldCase(*text);
+  return (!condition.prefix || folded.starts_with(FoldCase(*condition.prefix))) &&
+         (!condition.contains || folded.find(FoldCase(*condition.contains)) != folded.npos);
+}
+
 bool PassesValue(const FilterCondition& condition, const FilterValue& value) {
   if (condition.any_of &&
       std::none_of(condition.any_of->begin(), condition.any_of->end(),
@@ -81,7 +93,7 @@ bool PassesValue(const FilterCondition& condition, const FilterValue& value) {
     const auto order = Compare(value, condition.to->value);
     if (!(order < 0 || (condition.to->inclusive && order == 0))) return false;
   }
-  return true;
+  return PassesText(condition, value);
 }
 
 bool IsValue(const Json& json, const FilterValue& value) {
@@ -95,13 +107,9 @@ bool HasValue(const Json& json, const FilterValue& value) {
                      [&](const Json& entry) { return IsValue(entry, value); });
 }
 
-bool TestsValues(const FilterCondition& condition) {
-  return condition.any_of || condition.from || condition.to;
-}
-
 bool PassesJson(const FilterCondition& condition, const Json& value) {
   if (condition.not_equal && HasValue(value, *condition.not_equal)) return false;
-  if (!TestsValues(condition)) return true;
+  if (!condition.tests_entries()) return true;
   if (value.is_array()) {
     return std::any_of(value.begin(), value.end(), [&](const Json& entry) {
       const auto scalar = FilterValueOf(entry);
@@ -139,6 +147,21 @@ bool Passes(const Filter& filter, std::string_view metadata) {
   if (filter.empty()) return true;
   const Json json = Json::parse(metadata, nullptr, /*allow_exceptions=*/false);
   return json.is_object() && PassesObject(filter, json);
+}
+
+std::string MetadataOrder(std::string_view metadata, const std::string& key) {
+  const Json json = Json::parse(metadata, nullptr, /*allow_exceptions=*/false);
+  const Json value = json.is_object() ? json.value(key, Json()) : Json();
+  if (value.is_boolean()) return value.get<bool>() ? "1t" : "1f";
+  if (value.is_number()) {  // the bits of positive numbers are in their order (IEEE 754)
+    const double number = value.get<double>() + 0.0;  // no -0
+    const auto bits = std::bit_cast<std::uint64_t>(number);
+    char text[20];
+    std::snprintf(text, sizeof text, "2%c%016llx", number < 0 ? 'n' : 'p',
+                  static_cast<unsigned long long>(number < 0 ? ~bits : bits));
+    return text;
+  }
+  return value.is_string() ? "3" + NaturalKey(EscapedNul(value.get<std::string>())) : "0";
 }
 
 }  // namespace pliant

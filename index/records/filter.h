@@ -26,15 +26,19 @@ struct FilterBound {
 };
 
 // Matches an image whose metadata have `key` at the top level with a value that passes all given
-// tests. A list passes `any_of`, `from` and `to` if one of its entries passes all three. An image
-// without the key passes only `exists` false.
+// tests. A list passes `any_of`, `from`, `to`, `prefix` and `contains` if one of its entries passes
+// all of them. An image without the key passes only `exists` false.
 struct FilterCondition {
   std::string key;
   std::optional<std::vector<FilterValue>> any_of = {};  // equal to one of these
   std::optional<FilterBound> from = {};                 // at least this
   std::optional<FilterBound> to = {};                   // at most this; text in order of its bytes
+  std::optional<std::string> prefix = {};               // text that begins with this, in any case
+  std::optional<std::string> contains = {};             // text that contains this, in any case
   std::optional<FilterValue> not_equal = {};            // neither this, nor a list that has this
   std::optional<bool> exists = {};                      // whether the key exists, with any value
+
+  bool tests_entries() const { return any_of || from || to || prefix || contains; }
 };
 
 // All parts must match. An empty filter matches every image. Two conditions can have the same key;
@@ -64,10 +68,14 @@ void CheckFilter(const Filter& filter);
 // Whether metadata (the text of a JSON object) pass. Other text passes only an empty filter.
 bool Passes(const Filter& filter, std::string_view metadata);
 
+// Text whose bytes are in the order of the values of `key` in such metadata: images without the key
+// and other values first, then false and true, numbers, and text in natural order.
+std::string MetadataOrder(std::string_view metadata, const std::string& key);
+
 // Reads the JSON form: an object that has for each key of the metadata one value ("shop": "east"),
 // or an object of tests:
 //   {"in": [values]}, {"ne": value}, {"gt" | "gte" | "lt" | "lte": number or text},
-//   {"exists": true or false}
+//   {"prefix": text}, {"contains": text}, {"exists": true or false}
 // and in addition to the keys
 //   "and": [filters], "or": [filters], "not": filter
 // For example

@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kTests = "in, ne, gt, gte, lt, lte and exists.";
+constexpr const char* kTests = "in, ne, gt, gte, lt, lte, prefix, contains and exists.";
 constexpr std::size_t kShownBytes = 32;  // of a name in a message
 
 // An and or an or takes two levels; then a key's tests, their list, and what does not belong there.
@@ -64,6 +64,11 @@ void ReadTest(const std::string& where, const std::string& test, const Json& arg
   } else if (test == "exists") {
     if (!argument.is_boolean()) ThrowInvalid(where, "\"exists\" must be true or false.");
     condition->exists = argument.get<bool>();
+  } else if (test == "prefix" || test == "contains") {
+    if (!argument.is_string() || argument == "") {
+      ThrowInvalid(where, "\"" + test + "\" must be text, not empty.");
+    }
+    (test == "prefix" ? condition->prefix : condition->contains) = argument.get<std::string>();
   } else if (test == "gt" || test == "gte") {
     SetBound(where, test, argument, &condition->from);
   } else if (test == "lt" || test == "lte") {
@@ -130,8 +135,7 @@ void CheckBound(const std::string& where, const std::optional<FilterBound>& boun
 }
 
 void CheckCondition(const std::string& where, const FilterCondition& condition) {
-  const bool tests_value =
-      condition.any_of || condition.from || condition.to || condition.not_equal;
+  const bool tests_value = condition.tests_entries() || condition.not_equal;
   if (!tests_value && !condition.exists) {
     ThrowInvalid(where, std::string("has no test. Known tests: ") + kTests);
   }

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Values of filters and of metadata. Private to records/.
+// Values of filters and of metadata. Private to records/ and store/.
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include <nlohmann/json.hpp>
 
@@ -20,6 +21,22 @@ inline std::optional<FilterValue> FilterValueOf(const nlohmann::json& json) {
   if (json.is_number()) return FilterValue(json.get<double>());
   if (json.is_string()) return FilterValue(json.get_ref<const std::string&>());
   return std::nullopt;
+}
+
+// Without U+0000, which PostgreSQL's JSON cannot have: as its function pliant_escaped writes it
+// (store/postgres/schema.cc). Injective, and keeps the order of bytes.
+inline std::string EscapedNul(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '\0') {
+      escaped += "\1\1";
+    } else if (c == '\1') {
+      escaped += "\1\2";
+    } else {
+      escaped += c;
+    }
+  }
+  return escaped;
 }
 
 inline bool IsFilterNumber(const FilterValue& value) {

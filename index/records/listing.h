@@ -30,7 +30,9 @@ struct Selection {
   bool all() const { return !object && filter.empty() && text.empty(); }
 };
 
-enum class ImageOrder { kId, kCreated, kUpdated, kObject, kSource };
+// Names of objects and files are in natural order: "(2)" before "(10)" (NaturalKey of
+// index/files/text.h).
+enum class ImageOrder { kId, kCreated, kUpdated, kObject, kSource, kMetadata };
 enum class ObjectOrder { kName, kCreated, kUpdated, kImages };
 
 // Counts the values of one metadata key over the whole list. A list counts once for each of its
@@ -58,6 +60,7 @@ struct PageOptions {
 struct ImageListing : PageOptions {
   Selection which;
   ImageOrder order = ImageOrder::kId;  // ties by id
+  std::string order_key;               // of the metadata, for kMetadata (MetadataOrder)
 };
 
 struct ObjectListing : PageOptions {

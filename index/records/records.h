@@ -199,6 +199,7 @@ struct ImageChange {
   std::optional<std::string> object;    // "" = none
   std::optional<std::string> metadata;  // a JSON merge patch (RFC 7396); "null" = remove all of it
   std::optional<std::string> source;
+  std::optional<std::string> collection;  // moves the image there, with its features
   // Receives the present image in the transaction that changes it. An exception refuses the change.
   // Can be called more than once.
   std::function<void(const ImageRecord& now)> check;
@@ -214,7 +215,8 @@ struct CollectionChange {
 using AliasChanges = std::map<std::string, std::optional<std::string>>;
 
 struct ObjectChange {
-  std::string name;  // not empty
+  std::string name;                            // not empty
+  std::optional<std::string> collection = {};  // moves all its images there, in one step
   // If another object has the name: true = merge the two objects; false = kConflict
   // "object_exists".
   bool merge = false;

@@ -56,8 +56,8 @@ class Writer {
   // Restores the bytes of a stored image whose file is missing.
   void RestoreContent(const ImageRecord& stored, Bytes bytes);
   // Returns the new image or object. Features, words and bytes stay. kNotFound "image_not_found",
-  // "object_not_found"; kInvalidArgument "metadata_invalid"; kConflict "object_exists"; what
-  // `check` throws.
+  // "object_not_found"; kInvalidArgument "metadata_invalid"; kConflict "object_exists",
+  // "image_exists" (in the collection to move to); what `check` throws.
   ImageRecord ChangeImage(const std::string& collection, const std::string& id,
                           const ImageChange& change);
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,

@@ -3,7 +3,6 @@
 #include "index/tracking/frame_source.h"
 
 #include <algorithm>
-#include <cctype>
 #include <system_error>
 #include <utility>
 
@@ -22,17 +21,6 @@ namespace fs = std::filesystem;
       path.string() + what +
           " has a single frame; tracking needs a video or a folder with two frames or more. "
           "For one image use pliant match");
-}
-
-bool IsDigit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
-
-// The run of digits at `at`, without leading zeros; moves `at` behind it.
-std::string TakeNumber(const std::string& text, std::size_t& at) {
-  std::size_t end = at;
-  while (end < text.size() && IsDigit(text[end])) ++end;
-  while (at + 1 < end && text[at] == '0') ++at;
-  const std::size_t begin = std::exchange(at, end);
-  return text.substr(begin, end - begin);
 }
 
 std::string Size(std::int64_t width, std::int64_t height) {
@@ -157,22 +145,7 @@ class FolderFrames : public FrameSource {
 }  // namespace
 
 bool NaturalLess(const std::string& a, const std::string& b) {
-  std::size_t i = 0;
-  std::size_t j = 0;
-  while (i < a.size() && j < b.size()) {
-    if (IsDigit(a[i]) && IsDigit(b[j])) {
-      const std::string x = TakeNumber(a, i);
-      const std::string y = TakeNumber(b, j);
-      if (x.size() != y.size()) return x.size() < y.size();
-      if (x != y) return x < y;
-    } else if (a[i] != b[j]) {
-      return static_cast<unsigned char>(a[i]) < static_cast<unsigned char>(b[j]);
-    } else {
-      ++i, ++j;
-    }
-  }
-  if (i < a.size() || j < b.size()) return i == a.size();
-  return a < b;  // 01 and 1
+  return std::pair(NaturalKey(a), a) < std::pair(NaturalKey(b), b);
 }
 
 std::unique_ptr<FrameSource> OpenFrames(const fs::path& path, const FrameOptions& options) {

@@ -110,13 +110,14 @@ class Client:
         return str(self._transport.call("GET", self._image(id)).headers["ETag"])
 
     def update(self, id: str, *, object: str | None = None, metadata: Json | None = None, source: str | None = None,
-               if_match: str | None = None) -> Json:
+               collection: str | None = None, if_match: str | None = None) -> Json:
         """Changes an image's object, metadata or source without describing it again, and returns its record. Omitted
-        values stay; object="" removes the object. metadata is merged key by key, and None removes a key.
+        values stay; object="" removes the object. metadata is merged key by key, and None removes a key. collection
+        moves the image there; ConflictError "image_exists" if the other collection has an image with this id.
         if_match: an `etag`; ConflictError "precondition_failed" if the record has changed since."""
-        changes = {"object": object, "metadata": metadata, "source": source}
+        changes = {"object": object, "metadata": metadata, "source": source, "collection": collection}
         if all(value is None for value in changes.values()):
-            raise TypeError("nothing to change: give object, metadata or source")
+            raise TypeError("nothing to change: give object, metadata, source or collection")
         return self._patch(self._image(id), {name: value for name, value in changes.items() if value is not None},
                            if_match=if_match)
 
@@ -162,6 +163,12 @@ class Client:
         merge=True, both objects become one."""
         return self._patch(self._object(object), {"object": name}, parameters={"merge": "true"} if merge else None)
 
+    def move_object(self, object: str, collection: str, *, merge: bool = False) -> Json:
+        """Moves an object with all its images to another collection, all or none. If it has such an object:
+        ConflictError "object_exists", or with merge=True, both become one. "image_exists" for an image's id."""
+        return self._patch(self._object(object), {"collection": collection},
+                           parameters={"merge": "true"} if merge else None)
+
     def delete_where(self, filter: Json, object: str | None = None, *, q: str | None = None) -> int:
         """Deletes all images that pass, as `images` lists them, all or none, and returns their number."""
         return int(self._ask("DELETE", f"{self._base}/images",
@@ -170,8 +177,8 @@ class Client:
     def images(self, object: str | None = None, page: int = 100, *, filter: Json | None = None,
                q: str | None = None, sort: str | None = None) -> Iterator[Json]:
         """All images (of an object), fetched `page` at a time, 1 to 500. filter: only images whose metadata pass. q:
-        only images with these words in the id, the object or the file's name. sort: id, created, updated, object
-        or source; descending with a minus."""
+        only images with these words in the id, the object or the file's name. sort: id, created, updated, object,
+        source or metadata.KEY; descending with a minus."""
         return self._pages(f"{self._base}/images", "images", page, _given(object=object, filter=filter, q=q, sort=sort))
 
     def objects(self, page: int = 100, *, filter: Json | None = None, q: str | None = None,

@@ -205,8 +205,8 @@ class Index:
                 evidence (True); not with Features.
             region: (x, y, width, height) in pixels of the query: searches only this part, at its full resolution.
             min_score: 0 to 1. object: only images of this object. filter: conditions on metadata, such as
-                {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte and
-                exists; join filters with "and": [...], "or": [...] and "not": {...}.
+                {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte,
+                prefix, contains and exists; join filters with "and": [...], "or": [...] and "not": {...}.
             explain: adds the matches and the warp to each hit.
             threads: 0 = one per core.
         Raises ConflictError "no_vocabulary" before the first `train`, and UnprocessableError "too_few_features".

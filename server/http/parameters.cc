@@ -104,7 +104,10 @@ std::string WantedOf(const Parameter& spec, const Json& value) {
       return unless(value.is_string(), "text");
     case Type::kChoice:
       return unless(std::any_of(spec.choices.begin(), spec.choices.end(),
-                                [&](const std::string& choice) { return value == choice; }),
+                                [&](const std::string& choice) {
+                                  return value.is_string() &&
+                                         IsChoice(choice, value.get_ref<const std::string&>());
+                                }),
                     fmt::format("one of: {}", fmt::join(spec.choices, ", ")));
     case Type::kInteger:
       return unless(IsWhole(value) && IsNumberIn(value, spec.lowest, spec.highest),

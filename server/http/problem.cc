@@ -90,6 +90,7 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"collection_exists", 409, "an alias cannot have the name of a collection"},
     {"same_bytes", 409,
      "the collection already has this image with another object or other metadata"},
+    {"image_exists", 409, "the other collection already has an image with this id"},
     {"object_exists", 409, "another object has this name; `merge=true` merges the two"},
     {"model_mismatch", 409, "the vocabulary belongs to another descriptor"},
     {"no_images", 409, "there are no images to train on or to test with (of a job)"},

@@ -64,6 +64,14 @@ bool IsUnnamed(const Route& route, const Request& request) {
 
 }  // namespace
 
+bool IsChoice(const std::string& choice, std::string_view text) {
+  constexpr std::string_view kAny = ".KEY";
+  const std::size_t fixed = choice.ends_with(kAny) ? choice.size() - kAny.size() + 1 : 0;
+  return fixed == 0
+             ? choice == text
+             : text.size() > fixed && text.starts_with(std::string_view(choice).substr(0, fixed));
+}
+
 std::vector<std::string> TypesOf(BodyKind body) {
   switch (body) {
     case BodyKind::kNone:

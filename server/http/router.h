@@ -26,7 +26,7 @@ struct Parameter {
     kInteger,   // lowest..highest
     kNumber,    // lowest..highest
     kNumbers,   // exactly `count` of them, comma-separated
-    kChoice,    // one of `choices`
+    kChoice,    // one of `choices`; a choice "x.KEY" is x. and any text
     kBoolean,   // "true" or "false"
     kJson,      // a JSON object
     kJsonList,  // a JSON array
@@ -80,6 +80,9 @@ struct Parameter {
     return std::move(*this);
   }
 };
+
+// Whether the text is this choice of a parameter.
+bool IsChoice(const std::string& choice, std::string_view text);
 
 // One answer of a route that succeeds.
 struct Answer {

@@ -116,6 +116,19 @@ Json ImageProperties() {
 
 Json EitherImage() { return {{{"required", {"image"}}}, {{"required", {"image_url"}}}}; }
 
+// One of the names; "x.KEY" stands for x. and any text.
+Json ChoiceSchema(const std::vector<std::string>& choices) {
+  if (std::ranges::none_of(choices, [](const auto& one) { return one.ends_with(".KEY"); })) {
+    return {{"type", "string"}, {"enum", choices}};
+  }
+  std::string pattern;
+  for (const std::string& one : choices) {
+    pattern += pattern.empty() ? "^(" : "|";
+    pattern += one.ends_with(".KEY") ? one.substr(0, one.size() - 4) + "\\..+" : one;
+  }
+  return {{"type", "string"}, {"pattern", pattern + ")$"}};
+}
+
 Json TypeSchema(const Parameter& parameter) {
   using Type = Parameter::Type;
   switch (parameter.type) {
@@ -133,7 +146,7 @@ Json TypeSchema(const Parameter& parameter) {
               {"minItems", parameter.count},
               {"maxItems", parameter.count}};
     case Type::kChoice:
-      return {{"type", "string"}, {"enum", parameter.choices}};
+      return ChoiceSchema(parameter.choices);
     case Type::kBoolean:
       return {{"type", "boolean"}};
     case Type::kJson:

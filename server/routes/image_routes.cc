@@ -38,8 +38,8 @@ AddResult AddOnPool(Service& service, AddRequest request, const ImageCheck& chec
     });
     AddResult result = write();
     if (result.outcome != AddOutcome::kUnchanged) {
-      service.metrics.OnAdd(result.timings);
-      if (service.auto_trainer() != nullptr) service.auto_trainer()->OnAdded(request.collection);
+      service.metrics.OnAdd(result.timings, result.image.collection);
+      service.OnAdded(result.image.collection);
     }
     return result;
   } catch (const Error& error) {
@@ -83,11 +83,10 @@ Response Put(Service& service, const Request& request, const Parameters& paramet
   return Add(service, request, parameters, request.captures.at("id"), CheckOf(request));
 }
 
-const Orders<ImageOrder> kImageOrders = {{"id", ImageOrder::kId},
-                                         {"created", ImageOrder::kCreated},
-                                         {"updated", ImageOrder::kUpdated},
-                                         {"object", ImageOrder::kObject},
-                                         {"source", ImageOrder::kSource}};
+const Orders<ImageOrder> kImageOrders = {
+    {"id", ImageOrder::kId},           {"created", ImageOrder::kCreated},
+    {"updated", ImageOrder::kUpdated}, {"object", ImageOrder::kObject},
+    {"source", ImageOrder::kSource},   {"metadata.KEY", ImageOrder::kMetadata}};
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
   return ListAnswer<ImageListing>(service, request, parameters, "images", kImageOrders, ImageJson);
@@ -109,9 +108,10 @@ Response Get(Service& service, const Request& request, const Parameters&) {
 }
 
 Response Patch(Service& service, const Request& request, const Parameters&) {
-  const Json patch = MergePatchOf(request, {"object", "metadata", "source"});
+  const Json patch = MergePatchOf(request, {"object", "metadata", "source", "collection"});
   ImageChange change;
   change.object = TextIn(patch, "object");
+  change.collection = TextIn(patch, "collection");
   change.source = TextIn(patch, "source");
   if (const auto it = patch.find("metadata"); it != patch.end()) {
     if (!it->is_object() && !it->is_null()) {
@@ -120,8 +120,10 @@ Response Patch(Service& service, const Request& request, const Parameters&) {
     change.metadata = ToText(*it);
   }
   change.check = [&](const ImageRecord& now) { CheckIfMatch(request, ImageJson(now)); };
-  return RecordResponse(ImageJson(
-      service.engine().Change(request.captures.at("c"), request.captures.at("id"), change)));
+  const ImageRecord changed =
+      service.engine().Change(request.captures.at("c"), request.captures.at("id"), change);
+  if (change.collection) service.OnAdded(changed.collection);
+  return RecordResponse(ImageJson(changed));
 }
 
 Response Delete(Service& service, const Request& request, const Parameters&) {
@@ -267,10 +269,12 @@ void AddRecordRoutes(RouteTable& table) {
       .Answers(200, "the record, with ETag", "Image")
       .AnswersNotModified();
   table.Add("PATCH /v1/collections/{c}/images/{id}", "images.patch", Patch)
-      .Summary("Change the object, metadata or source of an image")
+      .Summary(
+          "Change the object, metadata or source of an image, or move it to another collection")
       .Patches("ImagePatch")
       .TakesIfMatch()
       .Answers(200, "the record after the change", "Image")
+      .Codes({"image_exists"})
       .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
                R"(-d '{"metadata": {"shelf": 5}}' )"
                R"("$PLIANT/v1/collections/default/images/$IMAGE")");

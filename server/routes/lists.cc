@@ -110,6 +110,12 @@ Selection SelectionOf(const Parameters& parameters, const std::string& collectio
   return which;
 }
 
+std::string OrderKeyOf(const Parameters& parameters) {
+  const std::string sort = parameters.Text("sort").value_or("");
+  const std::size_t dot = sort.find('.');
+  return dot == sort.npos ? std::string() : sort.substr(dot + 1);
+}
+
 std::string ListIdentity(const char* list, const Selection& which, const Parameters& parameters) {
   Json asked = Json::array({list, which.collection});
   for (const char* name : {"object", "filter", "q", "sort"}) {

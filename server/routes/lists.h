@@ -59,10 +59,13 @@ Order OrderOf(const Parameters& parameters, const Orders<Order>& orders) {
   if (sort.starts_with('-')) sort.erase(0, 1);
   return std::find_if(orders.begin(), orders.end(),
                       [&](const auto& order) {
-                        return order.first == sort;  // one is: the parameter is a choice of them
+                        return IsChoice(order.first, sort);  // one is: the parameter is a choice
                       })
       ->second;
 }
+
+// KEY of the order "metadata.KEY"; else empty.
+std::string OrderKeyOf(const Parameters& parameters);
 
 // Identifies the list to its cursors: a cursor of a list with other parameters is invalid.
 std::string ListIdentity(const char* list, const Selection& which, const Parameters& parameters);
@@ -80,6 +83,7 @@ Response ListAnswer(Service& service, const Request& request, const Parameters& 
   const std::string identity = ListIdentity(name, list.which, parameters);
   static_cast<PageOptions&>(list) = PageOptionsOf(parameters, identity);
   list.order = OrderOf(parameters, orders);
+  if constexpr (requires { list.order_key; }) list.order_key = OrderKeyOf(parameters);
   try {
     const auto page = service.engine().ListPage(list);
     Json records = Json::array();

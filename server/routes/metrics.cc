@@ -6,6 +6,7 @@
 #include <exception>
 #include <fstream>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include <prometheus/counter.h>
@@ -21,6 +22,9 @@ namespace {
 
 constexpr std::chrono::seconds kFresh{5};
 constexpr std::chrono::milliseconds kMostWait{1000};
+// Collections with series of their own. The others share one, whose name no collection can have.
+constexpr std::size_t kMostCollections = 100;
+constexpr const char* kOtherCollections = "(other)";
 
 const prometheus::Histogram::BucketBoundaries kSeconds = {
     0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60};
@@ -80,6 +84,23 @@ class Metrics::Impl {
           .Name("pliant_decoders_ended_total")
           .Help("Child processes that ended, by cause")
           .Register(registry);
+
+  prometheus::Family<prometheus::Counter>& searches = prometheus::BuildCounter()
+                                                          .Name("pliant_searches_total")
+                                                          .Help("Searches by collection")
+                                                          .Register(registry);
+  prometheus::Family<prometheus::Counter>& images_added =
+      prometheus::BuildCounter()
+          .Name("pliant_images_added_total")
+          .Help("Images added or replaced by uploads, by collection")
+          .Register(registry);
+
+  void CountIn(prometheus::Family<prometheus::Counter>& family, const std::string& collection) {
+    const std::lock_guard lock(mutex_);
+    if (collections_.size() < kMostCollections) collections_.insert(collection);
+    family.Add({{"collection", collections_.contains(collection) ? collection : kOtherCollections}})
+        .Increment();
+  }
 
   void Observe(const char* operation, const char* stage, double ms) {
     stage_seconds.Add({{"operation", operation}, {"stage", stage}}, kSeconds).Observe(ms / 1000);
@@ -168,8 +189,9 @@ class Metrics::Impl {
     now.Set(1);
   }
 
-  std::mutex mutex_;  // guards vocabulary_
+  std::mutex mutex_;  // guards what follows
   prometheus::Gauge* vocabulary_ = nullptr;
+  std::set<std::string> collections_;  // with series of their own
 };
 
 // Every cause begins at 0, so that the first end of a process shows as a change.
@@ -191,7 +213,8 @@ void Metrics::OnRequest(const RequestRecord& record) {
   impl_->request_seconds.Add({{"route", record.route}}, kSeconds).Observe(record.seconds);
 }
 
-void Metrics::OnSearch(const SearchTimings& timings) {
+void Metrics::OnSearch(const SearchTimings& timings, const std::string& collection) {
+  impl_->CountIn(impl_->searches, collection);
   impl_->Observe("search", "decode", timings.extraction.decode_ms);
   impl_->Observe("search", "detect", timings.extraction.detect_ms);
   impl_->Observe("search", "describe", timings.extraction.describe_ms);
@@ -201,7 +224,8 @@ void Metrics::OnSearch(const SearchTimings& timings) {
   impl_->Observe("search", "database", timings.database_ms);
 }
 
-void Metrics::OnAdd(const AddTimings& timings) {
+void Metrics::OnAdd(const AddTimings& timings, const std::string& collection) {
+  impl_->CountIn(impl_->images_added, collection);
   impl_->Observe("add", "decode", timings.extraction.decode_ms);
   impl_->Observe("add", "detect", timings.extraction.detect_ms);
   impl_->Observe("add", "describe", timings.extraction.describe_ms);

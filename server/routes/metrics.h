@@ -58,8 +58,8 @@ class Metrics {
   ~Metrics();
 
   void OnRequest(const RequestRecord& record);
-  void OnSearch(const SearchTimings& timings);
-  void OnAdd(const AddTimings& timings);
+  void OnSearch(const SearchTimings& timings, const std::string& collection);
+  void OnAdd(const AddTimings& timings, const std::string& collection);
   void OnDecoderEnded(DecoderEnded::Cause cause);
 
   std::string Text(const MetricsNow& now);  // the text exposition format

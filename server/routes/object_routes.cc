@@ -78,22 +78,24 @@ Response Locate(Service& service, const Request& request, const Parameters& para
 }
 
 Response Patch(Service& service, const Request& request, const Parameters& parameters) {
-  const Json patch = MergePatchOf(request, {"object"});
+  const Json patch = MergePatchOf(request, {"object", "collection"});
+  const std::string& object = request.captures.at("o");
+  ObjectChange change;
+  change.collection = TextIn(patch, "collection");
   const std::optional<std::string> name = TextIn(patch, "object");
-  if (!name) {
+  if (!name && !change.collection) {
     throw ProblemError("missing_parameter", "object is required: the new name.",
                        {.parameter = "object"});
   }
-  ObjectChange change;
-  change.name = *name;
+  change.name = name.value_or(object);
   change.merge = parameters.Value<bool>("merge");
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));
   };
   const std::string collection = CollectionOf(service, request);
-  return RecordResponse(
-      ObjectJson(service, collection,
-                 service.engine().ChangeObject(collection, request.captures.at("o"), change)));
+  const ObjectRecord changed = service.engine().ChangeObject(collection, object, change);
+  if (change.collection) service.OnAdded(*change.collection);
+  return RecordResponse(ObjectJson(service, change.collection.value_or(collection), changed));
 }
 
 }  // namespace
@@ -109,14 +111,14 @@ void AddObjectRoutes(RouteTable& table) {
       .Answers(200, "the object, with ETag", "Object")
       .AnswersNotModified();
   table.Add("PATCH /v1/collections/{c}/objects/{o}", "objects.patch", Patch)
-      .Summary("Rename an object in all its images")
+      .Summary("Rename an object in all its images, or move it with them to another collection")
       .Patches("ObjectPatch")
       .Takes({Parameter("merge", "merge with an existing object of that name")
                   .Boolean()
                   .Default("false")})
       .TakesIfMatch()
       .Answers(200, "the object after the change", "Object")
-      .Codes({"object_exists"})
+      .Codes({"object_exists", "image_exists"})
       .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
                R"(-d '{"object": "tea mug"}' "$PLIANT/v1/collections/default/objects/mug")");
   table.Add("DELETE /v1/collections/{c}/objects/{o}", "objects.delete", Delete)

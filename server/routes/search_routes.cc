@@ -228,7 +228,7 @@ SearchResult SearchOnPool(Service& service, const SearchQuery& query) {
     AwaitVocabulary(service, service.engine().CollectionName(query.options.collection));
     service.pool.Run(WorkerPool::Lane::kSearch, search);
   }
-  service.metrics.OnSearch(result.timings);
+  service.metrics.OnSearch(result.timings, query.options.collection);
   return result;
 }
 

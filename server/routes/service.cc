@@ -79,9 +79,7 @@ void Service::Open() {
                                bulk_files,
                                options.import_dir,
                                engine_options.extraction.decode.max_bytes,
-                               [this](const std::string& collection) {
-                                 if (auto_trainer_) auto_trainer_->OnAdded(collection);
-                               }};
+                               [this](const std::string& collection) { OnAdded(collection); }};
   RegisterVocabularyJobs(*runner_, *engine_, pool);
   RegisterSelfTestJob(*runner_, *engine_, pool, decode_);
   RegisterImportJobs(*runner_, imports);

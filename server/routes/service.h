@@ -53,6 +53,11 @@ class Service {
   StoreFigures& figures() { return *figures_; }                // not before Open()
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
 
+  // To be called after images were added to the collection: it may need a vocabulary.
+  void OnAdded(const std::string& collection) {
+    if (auto_trainer_) auto_trainer_->OnAdded(collection);
+  }
+
   // The image as a JPEG with no longer side, made on the pool. The options of decoding limit the
   // image, but not the file's length, which the upload passed. Throws what the decoder throws.
   std::string Shrink(Bytes encoded, int longer_side_px);

@@ -6,6 +6,7 @@ string(REPLACE "," ";" names "${FILES}")
 set(type_html "text/html; charset=utf-8")
 set(type_css "text/css; charset=utf-8")
 set(type_js "text/javascript; charset=utf-8")
+set(type_json application/json)
 set(type_jpg image/jpeg)
 
 set(arrays "")

@@ -9,6 +9,7 @@ import { accept, fileAt, refuseOther } from "./incoming.js";
 import { parseLabels } from "./labels.js";
 import { defaultName, kLongestName } from "./names.js";
 import { go, showing } from "./router.js";
+import { t } from "./texts.js";
 import { isLeaving, notify, settle } from "./undo.js";
 
 const kWaiting = "waiting", kSending = "sending", kDone = "done", kFailed = "failed";
@@ -30,17 +31,17 @@ function thumbnailOf(file, unseen) {
 
 // `name`: the object's default name.
 function makeItem(file, name) {
-  const input = make("input", { type: "text", maxlength: kLongestName, autocomplete: "off", value: name, placeholder: "no name",
-                                list: "object-names", "aria-label": `Object in ${file.name}`, oninput: () => { item.typed = true; } });
-  const bar = make("progress", { max: 1, value: 0, "aria-label": `Progress of ${file.name}` });
-  const note = make("span", { class: "note", text: file.address ? "from the web" : fileSize(file.size) });
-  const remove = smallButton("Remove", () => {
+  const input = make("input", { type: "text", maxlength: kLongestName, autocomplete: "off", value: name, placeholder: t`no name`,
+                                list: "object-names", "aria-label": t`Object in ${file.name}`, oninput: () => { item.typed = true; } });
+  const bar = make("progress", { max: 1, value: 0, "aria-label": t`Progress of ${file.name}` });
+  const note = make("span", { class: "note", text: file.address ? t`from the web` : fileSize(file.size) });
+  const remove = smallButton(t`Remove`, () => {
     const neighbour = row.nextElementSibling ?? row.previousElementSibling;
     row.remove();
     (neighbour?.querySelector("button:not([hidden])") ?? byId("add-clear")).focus();
-  }, { class: "small", "aria-label": `Remove ${file.name} from the list` });
+  }, { class: "small", "aria-label": t`Remove ${file.name} from the list` });
   const thumbnail = thumbnailOf(file, (error) => {
-    if (error && item.state === kWaiting) note.textContent = `from the web; no preview: ${error.message}`;
+    if (error && item.state === kWaiting) note.textContent = t`from the web; no preview: ${error.message}`;
   });
   const row = make("li", {}, thumbnail, input, make("span", { class: "file-name quiet", text: shorten(file.name), title: file.name }), note, bar, remove);
   const item = { file, input, bar, note, remove, row, state: kWaiting, proposed: name, typed: false };
@@ -78,7 +79,7 @@ function enqueue(found, leftOut = 0) {
     makeItem(file, name);
   }
   giveCommonName();
-  say(byId("add-status"), leftOut ? `${count(leftOut, "file")} of system folders left out.` : "");
+  say(byId("add-status"), leftOut ? t`${count(leftOut, "file")} of system folders left out.` : "");
 }
 
 // While it is typed; a name that was typed for one image stays.
@@ -94,14 +95,14 @@ function countWords(of = "") {
   const known = items().filter((item) => item.known).length;
   const added = inState(kDone).length - known;
   const failed = inState(kFailed).length;
-  return [of ? `${added} of ${of} added` : `${count(added, "image")} added`, known ? `${known} already stored` : "",
-          failed ? `${failed} failed` : ""].filter(Boolean).join(", ");
+  return [of ? t`${added} of ${of} added` : t`${count(added, "image")} added`, known ? t`${known} already stored` : "",
+          failed ? t`${failed} failed` : ""].filter(Boolean).join(", ");
 }
 
 export function timeWords(ms) {
   const minutes = Math.round(ms / 60_000);
-  if (minutes < 1) return "less than a minute left";
-  return `about ${minutes < 90 ? count(minutes, "minute") : count(Math.round(minutes / 60), "hour")} left`;
+  if (minutes < 1) return t`less than a minute left`;
+  return t`about ${minutes < 90 ? count(minutes, "minute") : count(Math.round(minutes / 60), "hour")} left`;
 }
 
 // An estimate from the images that are finished.
@@ -118,7 +119,7 @@ function showTotal() {
   byId("add-bar").max = all || 1;
   byId("add-bar").value = done + failed + partly;
   byId("add-summary").textContent = countWords(count(all, "image")) + (running ? timeLeft() : "");
-  byId("add-start").textContent = `Add ${count(waiting, "image")}`;
+  byId("add-start").textContent = t`Add ${count(waiting, "image")}`;
   byId("add-start").hidden = Boolean(running) || !waiting;
   byId("add-stop").hidden = !running;
   byId("add-retry").hidden = Boolean(running) || !mayRetry().length;
@@ -135,13 +136,13 @@ const wasNamed = (item) => item.typed || Boolean(commonName());
 // The image is stored under another name than was typed: a button gives it that name.
 function offerRename(item, id, metadata, collection) {
   const object = wasNamed(item) ? nameOf(item) : "";
-  item.note.append(" ", smallButton(object ? `Rename to ${object}` : "Use these labels", async ({ target }) => {
+  item.note.append(" ", smallButton(object ? t`Rename to ${object}` : t`Use these labels`, async ({ target }) => {
     target.disabled = true;
     try {
       if (object) await settle(api.objectPath(object, collection));
       await api.patch(api.imagePath(id, "", collection), { ...(object && { object }), ...(metadata && { metadata }) });
       item.known = true;
-      setState(item, kDone, object ? `renamed to ${object}` : "labels changed");
+      setState(item, kDone, object ? t`renamed to ${object}` : t`labels changed`);
       offerObjectNames();
     } catch (error) {
       item.mayRetry = true;
@@ -155,14 +156,14 @@ function offerRename(item, id, metadata, collection) {
 function offerDeletion(item, id, collection) {
   const { name } = item.file;
   const button = deleteButton({
-    card: item.row, path: api.imagePath(id, "", collection), label: `Delete ${name} from the collection`, text: `Deleted: ${name}.` });
+    card: item.row, path: api.imagePath(id, "", collection), label: t`Delete ${name} from the collection`, text: t`Deleted: ${name}.` });
   item.remove.replaceWith(button);
   item.remove = button;
 }
 
 function pause({ message }) {
   running.pausedAt ||= Date.now();
-  say(byId("add-status"), `${message} Adding continues by itself when the server answers.`, true);
+  say(byId("add-status"), t`${message} Adding continues by itself when the server answers.`, true);
 }
 
 function goOn() {
@@ -194,35 +195,35 @@ async function upload(item, given, { collection, ...more }) {
 }
 
 async function send(item, labels, collection) {
-  setState(item, kSending, "sending…");
+  setState(item, kSending, t`sending…`);
   try {
     const { created, image } = await upload(item, { object: nameOf(item), metadata: labels }, {
       collection, signal: running.stopper.signal,
       onProgress: (share) => {
         goOn();
         item.bar.value = Math.min(share, 0.99);
-        item.note.textContent = share < 1 ? `sending, ${Math.round(100 * share)} %` : "processing…";
+        item.note.textContent = share < 1 ? t`sending, ${Math.round(100 * share)} %` : t`processing…`;
         if (share >= 1) item.bar.removeAttribute("value");  // it moves until the answer comes
         showTotal();
       },
       onWait: (error) => {
-        item.note.textContent = "waiting for the server";
+        item.note.textContent = t`waiting for the server`;
         pause(error);
       },
     });
     item.known = !created;
-    setState(item, kDone, created ? `added: ${count(image.keypoints, "keypoint")}` : "already stored");
+    setState(item, kDone, created ? t`added: ${count(image.keypoints, "keypoint")}` : t`already stored`);
     if (created) offerDeletion(item, image.id, collection);
   } catch (error) {
     if (error.name === "AbortError") {
-      setState(item, kWaiting, "stopped");
+      setState(item, kWaiting, t`stopped`);
     } else if (error.status === 401 || kForAll.includes(error.code)) {
       setState(item, kWaiting, error.message);
       running.problem = error.message;
       running.stopper.abort();
     } else if (error.code === "same_bytes" && !wasNamed(item) && !labels) {
       item.known = true;
-      setState(item, kDone, "already stored under another name");
+      setState(item, kDone, t`already stored under another name`);
     } else {
       item.mayRetry = [0, 408, 429].includes(error.status) || error.status >= 500;
       setState(item, kFailed, error.message);
@@ -244,9 +245,11 @@ async function sendAll() {
   }
   const queue = inState(kWaiting);
   const collection = api.collectionName();  // another one may be chosen meanwhile
-  const where = byId("add-collection-label").hidden ? "" : ` to the collection ${byId("add-collection").selectedOptions[0].text}`;
+  const images = count(queue.length, "image");
+  const words = byId("add-collection-label").hidden ? t`Adding ${images}…` :
+    t`Adding ${images} to the collection ${byId("add-collection").selectedOptions[0].text}…`;
   const stopper = new AbortController();
-  const mine = running = { stopper, words: `Adding ${count(queue.length, "image")}${where}…`, of: queue.length, finished: 0, began: Date.now() };
+  const mine = running = { stopper, words, of: queue.length, finished: 0, began: Date.now() };
   showTotal();
   say(byId("add-status"), mine.words);
   byId("add-stop").focus();
@@ -254,8 +257,9 @@ async function sendAll() {
   running = null;
   showTotal();
   const failed = inState(kFailed).length;
-  const reason = mine.problem ? ` ${mine.problem}` : failed ? " See each image for the reason." : "";
-  say(byId("add-status"), `${stopper.signal.aborted ? "Stopped" : "Finished"}: ${countWords()}.${reason}`, Boolean(reason));
+  const reason = mine.problem || (failed ? t`See each image for the reason.` : "");
+  const result = stopper.signal.aborted ? t`Stopped: ${countWords()}.` : t`Finished: ${countWords()}.`;
+  say(byId("add-status"), [result, reason].filter(Boolean).join(" "), Boolean(reason));
   if ([byId("add-stop"), document.body].includes(document.activeElement)) {
     ["add-retry", "add-next", "add-clear"].map(byId).find((one) => !one.hidden).focus();
   }
@@ -279,11 +283,11 @@ byId("add-clear").addEventListener("click", () => {
 export async function take({ files, leftOut, stored, address, problem }) {
   const isHere = showing() === "add";
   if (stored) {
-    if (isHere) notify("This image is already stored.", true);  // elsewhere a card was dragged by accident
+    if (isHere) notify(t`This image is already stored.`, true);  // elsewhere a card was dragged by accident
   } else if (problem) {
     notify(problem, true);
   } else if (!await api.mayWrite()) {
-    notify("Your key can search but not add. Ask for a key with write access.", true);
+    notify(t`Your key can search but not add. Ask for a key with write access.`, true);
   } else {
     enqueue(address ? [{ file: fileAt(address), folder: "" }] : files, leftOut);
     if (!isHere) go("add");
@@ -296,7 +300,7 @@ for (const view of ["add", "objects", "images", "object", "image", "collection"]
 addEventListener("beforeunload", (event) => { if (running) event.preventDefault(); });
 
 export const addView = {
-  title: "Add images",
+  title: t`Add images`,
   show(parameters) {
     if (parameters.has("object")) byId("add-object").value = parameters.get("object");
     offerObjectNames();

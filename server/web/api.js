@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Requests to the server. Every failure becomes a Problem whose message is a sentence for people.
 import { attempt, make, say, wait } from "./dom.js";
+import { inNaturalOrder, shownName } from "./names.js";
+import { t } from "./texts.js";
 import { problemWords } from "./words.js";
 
 const kKeyName = "pliant-key";
@@ -17,10 +19,14 @@ class Problem extends Error {
   }
 }
 
-// --- the key, kept until the tab is closed, and what it allows
+// --- the key, kept until the tab is closed or on this device, and what it allows
 
-export const getKey = () => sessionStorage.getItem(kKeyName) ?? "";
-export const setKey = (key) => (key ? sessionStorage.setItem(kKeyName, key) : sessionStorage.removeItem(kKeyName));
+export const isRemembered = () => Boolean(localStorage.getItem(kKeyName));
+export const getKey = () => sessionStorage.getItem(kKeyName) ?? localStorage.getItem(kKeyName) ?? "";
+export function setKey(key, remember) {
+  for (const store of [sessionStorage, localStorage]) store.removeItem(kKeyName);
+  if (key) (remember ? localStorage : sessionStorage).setItem(kKeyName, key);
+}
 export const keyHeaders = () => (getKey() ? { Authorization: `Bearer ${getKey()}` } : {});
 
 const kScopes = ["admin", "write", "read"];  // each includes the scopes after it
@@ -64,7 +70,7 @@ function problemOf(status, body, retryAfter) {
                      { status, code: body?.code ?? "", retryAfterS, imageId: body?.image_id ?? "" });
 }
 
-const unreachable = () => new Problem("The server cannot be reached. Check that it is running and that this device is online.");
+const unreachable = () => new Problem(t`The server cannot be reached. Check that it is running and that this device is online.`);
 const stopped = () => new DOMException("Stopped.", "AbortError");
 
 async function answerOf(path, options = {}) {
@@ -111,7 +117,10 @@ export const deletePath = (path) => ask(path, { method: "DELETE" });
 export const blobOf = async (path, options) => (await answerTo(path, options)).blob();
 // A small preview of an image elsewhere, which the server fetches.
 export const previewBlob = (url) => blobOf("v1/preview", { method: "POST", headers: kJson, body: JSON.stringify({ image_url: url }) });
-export const collections = () => ask("v1/collections");
+export async function collections() {
+  const { collections: all } = await ask("v1/collections");
+  return { collections: all.sort((a, b) => inNaturalOrder(shownName(a), shownName(b))) };
+}
 
 // A record with its ETag. A proxy that compresses makes the ETag weak, and no If-Match would match it.
 export async function record(path) {
@@ -124,15 +133,15 @@ export const patch = (path, changes, etag = null) => ask(path, {
   method: "PATCH", body: JSON.stringify(changes), headers: { "Content-Type": "application/merge-patch+json", ...(etag && { "If-Match": etag }) } });
 
 // A link that saves a file. A link sends no key, so with a key the page fetches the file; `status` says how that goes.
-export const downloadLink = (path, name, status, properties) => make("a", { href: path, download: name, text: "Download", onclick(event) {
+export const downloadLink = (path, name, status, properties) => make("a", { href: path, download: name, text: t`Download`, onclick(event) {
   if (!getKey()) return;
   event.preventDefault();
-  say(status, "Downloading…");
+  say(status, t`Downloading…`);
   attempt(status, async () => {
     const href = URL.createObjectURL(await blobOf(path));
     make("a", { href, download: name }).click();
     setTimeout(() => URL.revokeObjectURL(href), 60_000);
-    say(status, "Downloaded.");
+    say(status, t`Downloaded.`);
   });
 }, ...properties });
 

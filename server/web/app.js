@@ -10,6 +10,7 @@ import { refreshHeader } from "./header.js";
 import { purgeQueries } from "./kept.js";
 import { addView, showing, startRouter, whenCollectionChanges } from "./router.js";
 import { searchView } from "./search.js";
+import { t } from "./texts.js";
 import { notify } from "./undo.js";
 
 addView("search", searchView);
@@ -20,15 +21,16 @@ addView("object", objectView);
 addView("collection", collectionView);
 
 // The files of these views are fetched at first use. Each exports show and perhaps hide.
-for (const name of ["image", "camera", "keys", "status"]) {
+const kTitles = { image: t`Image`, camera: t`Camera`, keys: t`Keys`, status: t`Status` };
+for (const [name, title] of Object.entries(kTitles)) {
   let view = null;
   addView(name, {
-    title: name[0].toUpperCase() + name.slice(1),
+    title,
     async show(...given) {
       try {
         view ??= await import(`./${name}.js`);
       } catch {
-        notify("A part of this page could not be loaded. Check that the server is running, and reload the page.", true);
+        notify(t`A part of this page could not be loaded. Check that the server is running, and reload the page.`, true);
         return;
       }
       if (showing() === name) await view.show(...given);

@@ -7,6 +7,7 @@ import { byId, count, make, makeButton, onSubmit, say, sayError } from "./dom.js
 import { renameButton } from "./edit.js";
 import { link, makeBackLink, replaceAddress, setTitle, showCurrent, showing } from "./router.js";
 import { makeSelection } from "./select.js";
+import { t } from "./texts.js";
 import { isLeaving } from "./undo.js";
 
 const kPage = 24;
@@ -20,7 +21,7 @@ function makeList({ place, label, fetchPage, onTotal = () => {}, card, none }) {
   const bar = make("div", { id: `${place}-bar`, class: "toolbar" });
   const status = make("p", { id: `${place}-status`, class: "status", role: "status" });
   const list = make("ul", { id: `${place}-list`, class: "cards", "aria-label": label });
-  const more = makeButton("Show more", extend, { id: `${place}-more`, hidden: true });
+  const more = makeButton(t`Show more`, extend, { id: `${place}-more`, hidden: true });
   byId(`view-${place}`).append(bar, status, list, make("p", { class: "more" }, more));
   let parameters = {};
   let next = null;    // cursor of the server
@@ -88,10 +89,12 @@ function makeList({ place, label, fetchPage, onTotal = () => {}, card, none }) {
 
 // sorts: [[value of the server, words], ...]; the first is the default. word: what the list has.
 function makeFinder({ view, bar, sorts, word }) {
-  const find = make("input", { type: "search", autocomplete: "off", spellcheck: "false", placeholder: "name or file", "aria-label": `Find ${word}s` });
-  const sort = make("select", { "aria-label": `Order of the ${word}s` }, ...sorts.map(([value, text]) => make("option", { value, text })));
+  const label = word === "image" ? t`Find images` : t`Find objects`;
+  const find = make("input", { type: "search", autocomplete: "off", spellcheck: "false", placeholder: t`name or file`, "aria-label": label });
+  const order = word === "image" ? t`Order of the images` : t`Order of the objects`;
+  const sort = make("select", { "aria-label": order }, ...sorts.map(([value, text]) => make("option", { value, text })));
   const total = make("span", { class: "quiet", role: "status" });
-  const form = make("form", { class: "find", role: "search", "aria-label": `Find ${word}s` }, find, sort, total);
+  const form = make("form", { class: "find", role: "search", "aria-label": label }, find, sort, total);
   onSubmit(form, apply);
   bar.prepend(form);
   let rest = {};  // other parameters of the address
@@ -126,8 +129,9 @@ function makeFinder({ view, bar, sorts, word }) {
 
 // --- objects and images
 
-const kObjectSorts = [["object", "by name"], ["-created", "newest first"], ["-updated", "last changed"], ["-images", "most images first"]];
-const kImageSorts = [["-created", "newest first"], ["created", "oldest first"], ["-updated", "last changed"], ["object", "by name"], ["source", "by file"]];
+const kObjectSorts = [["object", t`by name`], ["-created", t`newest first`], ["-updated", t`last changed`], ["-images", t`most images first`]];
+const kImageSorts = [["-created", t`newest first`], ["created", t`oldest first`], ["-updated", t`last changed`], ["object", t`by name`],
+                     ["source", t`by file`]];
 
 // A page of the server's list; the first has the total.
 async function page(kind, { q, sort, object }, cursor, limit) {
@@ -145,15 +149,17 @@ async function objectsPage(wanted, cursor, limit) {
   return { items: [...images.map(({ id }) => ({ object: "", image_id: id })), ...items], ...rest };
 }
 
-const nothingYet = (what) => make("span", { class: "nothing" }, `There are no ${what} yet.`,
-  make("a", { class: "button primary", href: link("add"), text: "Add images", "data-needs": "write" }));
+const nothingYet = (text) => make("span", { class: "nothing" }, text,
+  make("a", { class: "button primary", href: link("add"), text: t`Add images`, "data-needs": "write" }));
 
 // keep: parameters of the address beside those of the finder; title(parameters): the heading.
 function makeView({ word, sorts, fetchPage, card, keep = [], title }) {
   const place = `${word}s`;
+  const nothing = word === "image" ? t`There are no images yet.` : t`There are no objects yet.`;
   const items = makeList({
     place, label: title({}), card, fetchPage, onTotal: (total) => finder.say(total),
-    none: ({ object, q }) => (q ? `No name or file contains "${q}".` : object === undefined ? nothingYet(place) : "There are no images without a name.") });
+    none: ({ object, q }) => (q ? t`No name or file contains "${q}".` : object === undefined ? nothingYet(nothing) :
+      t`There are no images without a name.`) });
   const finder = makeFinder({ view: place, bar: items.bar, word, sorts });
   const selection = makeSelection({ ...items, word, refresh: showCurrent });
   return {
@@ -167,15 +173,15 @@ function makeView({ word, sorts, fetchPage, card, keep = [], title }) {
   };
 }
 
-export const objectsView = makeView({ word: "object", sorts: kObjectSorts, fetchPage: objectsPage, card: objectCard, title: () => "Objects" });
+export const objectsView = makeView({ word: "object", sorts: kObjectSorts, fetchPage: objectsPage, card: objectCard, title: () => t`Objects` });
 export const imagesView = makeView({
   word: "image", sorts: kImageSorts, fetchPage: imagesPage, card: imageCard, keep: ["object"],
-  title: ({ object }) => (object === undefined ? "Images" : object ? `Images of ${object}` : "Images without a name") });
+  title: ({ object }) => (object === undefined ? t`Images` : object ? t`Images of ${object}` : t`Images without a name`) });
 
 // --- the page of an object
 
 const images = makeList({
-  place: "object", label: "Images of this object", card: imageCard, fetchPage: imagesPage, none: () => "This object has no images." });
+  place: "object", label: t`Images of this object`, card: imageCard, fetchPage: imagesPage, none: () => t`This object has no images.` });
 const selection = makeSelection({ ...images, word: "image", refresh: showCurrent });
 makeBackLink(byId("object-back"));
 
@@ -184,18 +190,18 @@ let latest = 0;
 function showActions({ object, image_id: cover, images: number }) {
   const card = byId("object-edit");
   byId("object-actions").replaceChildren(
-    make("a", { class: "button primary", href: link("search", { image: cover }), text: "Find similar" }),
-    make("a", { class: "button", href: link("add", { object }), text: "Add images", "data-needs": "write", "aria-label": `Add images of ${object}` }),
+    make("a", { class: "button primary", href: link("search", { image: cover }), text: t`Find similar` }),
+    make("a", { class: "button", href: link("add", { object }), text: t`Add images`, "data-needs": "write", "aria-label": t`Add images of ${object}` }),
     renameButton({ card, object, large: true, onRenamed: (name) => {
       card.replaceChildren();
       location.replace(link("object", { name }));
     } }),
-    deleteHereButton({ path: api.objectPath(object), label: `Delete ${object} with its images`, text: `Deleted: ${object}, ${count(number, "image")}.`,
+    deleteHereButton({ path: api.objectPath(object), label: t`Delete ${object} with its images`, text: t`Deleted: ${object}, ${count(number, "image")}.`,
                        here: ["object", { name: object }], next: ["objects"] }));
 }
 
 export const objectView = {
-  title: "Object",
+  title: t`Object`,
   async show(parameters, how) {
     const number = ++latest;
     const name = parameters.get("name") ?? "";
@@ -209,13 +215,13 @@ export const objectView = {
     try {
       const record = await api.ask(api.objectPath(name));
       if (number !== latest || showing() !== "object") return;
-      byId("object-count").textContent = isLeaving(api.objectPath(name)) ? "This object is being deleted." : count(record.images, "image");
+      byId("object-count").textContent = isLeaving(api.objectPath(name)) ? t`This object is being deleted.` : count(record.images, "image");
       showActions(record);
     } catch (error) {
       if (number !== latest) return;
       await listed;
       images.bar.hidden = error.status === 404;
-      sayError(images.status, error.status === 404 ? { message: `There is no object named ${name}.` } : error, showCurrent);
+      sayError(images.status, error.status === 404 ? { message: t`There is no object named ${name}.` } : error, showCurrent);
     }
     await listed;
   },

@@ -7,6 +7,7 @@ import { editButton, renameButton } from "./edit.js";
 import { objectName } from "./names.js";
 import { labelList, thumbnail } from "./results.js";
 import { go, link, showCurrent } from "./router.js";
+import { t } from "./texts.js";
 import { deleteLater, isLeaving, notify } from "./undo.js";
 
 export const fileOf = (image) => image.source || image.id.slice(0, 12);
@@ -18,7 +19,7 @@ export function imageLink(image, hidden, ...lines) {
 }
 
 // Removes the card at once, and brings it back on undo or after a failure.
-export const deleteButton = ({ card, path, label, text }) => smallButton("Delete", () => {
+export const deleteButton = ({ card, path, label, text }) => smallButton(t`Delete`, () => {
   const list = card.parentElement;
   const after = card.nextSibling;
   const neighbour = card.nextElementSibling ?? card.previousElementSibling;
@@ -35,7 +36,7 @@ export const deleteButton = ({ card, path, label, text }) => smallButton("Delete
 }, { class: "small", "data-needs": "write", "aria-label": label });
 
 // The same on a page of its own: here and next are [view, parameters], for undo and for people who opened the page by its link.
-export const deleteHereButton = ({ path, label, text, here, next }) => makeButton("Delete", () => {
+export const deleteHereButton = ({ path, label, text, here, next }) => makeButton(t`Delete`, () => {
   const collection = api.collectionName();
   deleteLater({
     paths: [path], text,
@@ -51,7 +52,7 @@ export const deleteHereButton = ({ path, label, text, here, next }) => makeButto
 // Adds a box that shows while several cards are being selected.
 function makeSelectable(card, item) {
   card.item = item;
-  card.append(make("label", { class: "pick-label" }, make("input", { type: "checkbox", class: "pick" }), make("span", { text: "Select" }),
+  card.append(make("label", { class: "pick-label" }, make("input", { type: "checkbox", class: "pick" }), make("span", { text: t`Select` }),
                    make("span", { class: "hidden-text", text: ` ${item.label}` })));
 }
 
@@ -60,13 +61,13 @@ export function objectCard({ object, images, image_id: id }) {
   if (isLeaving(path)) return null;
   const card = make("li", { class: "card" },
     make("a", { href: object ? link("object", { name: object }) : link("images", { object }) }, thumbnail(id),
-         make("span", { class: "name", text: object || "Without a name" })),
-    make("span", { class: "quiet", text: images ? count(images, "image") : "images without an object name" }));
+         make("span", { class: "name", text: object || t`Without a name` })),
+    make("span", { class: "quiet", text: images ? count(images, "image") : t`images without an object name` }));
   if (!object) return card;
   makeSelectable(card, { label: object, object, path });
   card.dataset.object = object;
   card.append(make("div", { class: "row" }, renameButton({ card, object, onRenamed: showRenamed }),
-    deleteButton({ card, path, label: `Delete ${object} with its images`, text: `Deleted: ${object}, ${count(images, "image")}.` })));
+    deleteButton({ card, path, label: t`Delete ${object} with its images`, text: t`Deleted: ${object}, ${count(images, "image")}.` })));
   return card;
 }
 
@@ -82,7 +83,7 @@ export function imageCard(image) {
   if (isLeaving(path) || isLeaving(api.objectPath(image.object))) return null;
   const file = fileOf(image);
   const card = imageLink(image, `, ${file}`, make("span", { class: "quiet", text: shorten(file, 32), title: file }),
-    make("span", { class: "quiet", title: `Added ${shortTime(image.added_at)}`,
+    make("span", { class: "quiet", title: t`Added ${shortTime(image.added_at)}`,
                    text: `${image.width} × ${image.height}, ${count(image.keypoints, "keypoint")}` }), labelList(image.metadata));
   makeSelectable(card, { label: file, object: image.object, path });
   const onChanged = (now) => {
@@ -97,6 +98,6 @@ export function imageCard(image) {
     }
   };
   card.append(make("div", { class: "row" }, editButton({ card, image, onChanged }), deleteButton({
-    card, path, label: `Delete the image ${file} of ${objectName(image.object, image.source)}`, text: `Deleted: ${file}.` })));
+    card, path, label: t`Delete the image ${file} of ${objectName(image.object, image.source)}`, text: t`Deleted: ${file}.` })));
   return card;
 }

@@ -4,6 +4,7 @@
 import { imagePath } from "./api.js";
 import { byId } from "./dom.js";
 import { drawOutline, drawPoints, fitCanvas, pathOf, storedImage } from "./draw.js";
+import { t } from "./texts.js";
 
 let shown = 0;  // drops an earlier image that arrives late
 let blended = null;
@@ -17,13 +18,13 @@ export function hideComparison() {
 export async function showComparison(hit, query) {
   const number = ++shown;
   byId("compare").hidden = false;
-  byId("compare-title").textContent = `Compare: ${hit.name}`;
+  byId("compare-title").textContent = t`Compare: ${hit.name}`;
   const stored = await storedImage(imagePath(hit.image_id)).catch(() => null);
   if (number !== shown) return;
   const mesh = hit.explain?.mesh ?? null;
   byId("reference-canvas").parentElement.hidden = !stored;
-  byId("compare-note").textContent = !stored ? "The server does not store the original of this image." :
-    !mesh ? `This object cannot be un-crumpled. ${hit.explain?.failure ?? ""}` : query ? "" : "Your photo cannot be shown here.";
+  byId("compare-note").textContent = !stored ? t`The server does not store the original of this image.` :
+    !mesh ? t`This object cannot be un-crumpled. ${hit.explain?.failure ?? ""}` : query ? "" : t`Your photo cannot be shown here.`;
   if (stored) drawReference(hit, stored);
   const flat = Boolean(stored && mesh && query);
   byId("flat-figure").hidden = byId("blend-figure").hidden = !flat;
@@ -43,15 +44,15 @@ function drawReference(hit, stored) {
   const hull = convexHull(points);
   if (hull.length > 2) drawOutline(context, hull, scale);
   drawPoints(context, points, scale);
-  canvas.setAttribute("aria-label", `${hit.name}, stored image`);
-  byId("reference-note").textContent = hull.length > 2 ? "The outline shows the recognised part." : "";
+  canvas.setAttribute("aria-label", t`${hit.name}, stored image`);
+  byId("reference-note").textContent = hull.length > 2 ? t`The outline shows the recognised part.` : "";
 }
 
 function drawFlat(mesh, query, name) {
   const canvas = byId("flat-canvas");
   const scale = fitCanvas(canvas, mesh.reference_width, mesh.reference_height);
   drawFlattened(canvas.getContext("2d"), query.bitmap, query.width, mesh, scale);
-  canvas.setAttribute("aria-label", `Your photo of ${name}, un-crumpled`);
+  canvas.setAttribute("aria-label", t`Your photo of ${name}, un-crumpled`);
   return canvas;
 }
 

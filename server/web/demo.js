@@ -4,6 +4,7 @@
 import * as api from "./api.js";
 import { attempt, byId, count, make, makeButton, say } from "./dom.js";
 import { follow } from "./jobs.js";
+import { t } from "./texts.js";
 
 let choose = () => {};
 
@@ -18,7 +19,7 @@ export async function refreshDemonstration() {
     byId("filters").hidden = images === 0;
     showExamples(demo);
     if (byId("view-search").classList.contains("has-query")) return;
-    say(byId("search-status"), images ? `${count(images, "image")} of ${count(objects, "object")} in this collection.` : "");
+    say(byId("search-status"), images ? t`${count(images, "image")} of ${count(objects, "object")} in this collection.` : "");
   });
 }
 
@@ -30,7 +31,7 @@ function showExamples(demo) {
     const image = make("img", { alt: "", loading: "lazy", width: 160, height: 120 });
     api.showImage(image, crumpled);
     const search = async () => choose(new File([await api.blobOf(crumpled)], `${object}.jpg`, { type: "image/jpeg" }));
-    const button = makeButton("", () => attempt(byId("search-status"), search), { "aria-label": `Search with the crumpled photo of ${object}` });
+    const button = makeButton("", () => attempt(byId("search-status"), search), { "aria-label": t`Search with the crumpled photo of ${object}` });
     button.append(image);
     return make("li", {}, button);
   }));

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Small helpers for the document: elements, messages, questions, and numbers in words.
+import { language, plural, t } from "./texts.js";
 
 export const byId = (id) => document.getElementById(id);
 
@@ -39,9 +40,10 @@ export function say(place, text, isError = false) {
 export function sayError(place, { message, status }, again) {
   if (!again || ![0, 408, 429, 500, 502, 503, 504].includes(status)) {
     say(place, message, true);
-  } else if (place.textContent !== `${message} Try again`) {  // else the button keeps the focus
+  } else if (place.dataset.problem !== message || !place.querySelector("button")) {  // else the button keeps the focus
+    place.dataset.problem = message;
     say(place, message, true);
-    place.append(" ", smallButton("Try again", () => {
+    place.append(" ", smallButton(t`Try again`, () => {
       (place.closest(".view") ?? document).querySelector("h1").focus();
       again();
     }));
@@ -70,7 +72,7 @@ export function askingButton(text, label, { question, yes, act }) {
     group.querySelector("button").focus();
   }, { class: "small", "aria-label": label });
   const keep = () => { group.replaceWith(button); button.focus(); };
-  const group = make("span", { class: "row", role: "group", "aria-label": `${label}?` }, make("span", { text: question }), smallButton("Keep", keep),
+  const group = make("span", { class: "row", role: "group", "aria-label": `${label}?` }, make("span", { text: question }), smallButton(t`Keep`, keep),
                      smallButton(yes, () => { keep(); act(); }, { class: "small danger" }));
   return button;
 }
@@ -89,8 +91,9 @@ export function makeLiveList(id, itemOf, none) {
 // Whether the browser allowed it; without https it does not.
 export const copyText = (text) => Promise.resolve(navigator.clipboard?.writeText(text) ?? Promise.reject()).then(() => true, () => false);
 
-export const figure = (n) => n.toLocaleString("en", { maximumFractionDigits: 1 });
-export const count = (n, word, words = `${word}s`) => `${figure(n)} ${n === 1 ? word : words}`;
+export const figure = (n) => n.toLocaleString(language, { maximumFractionDigits: 1 });
+// "1 image", "2 images"
+export const count = (n, word, words = `${word}s`) => plural(n, figure(n), word, words);
 
 export function fileSize(bytes) {
   if (bytes < 1000) return count(bytes, "byte");
@@ -98,7 +101,7 @@ export function fileSize(bytes) {
   return `${figure(value < 10 ? value : Math.round(value))} ${unit}`;
 }
 
-export const shortTime = (iso) => new Date(iso).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
+export const shortTime = (iso) => new Date(iso).toLocaleString(language, { dateStyle: "medium", timeStyle: "short" });
 // Ends early when the signal is aborted.
 export const wait = (ms, signal) => new Promise((wake) => {
   setTimeout(wake, ms);

@@ -4,6 +4,7 @@
 import { address, ask } from "./api.js";
 import { byId, make, onSubmit } from "./dom.js";
 import { parseLabels } from "./labels.js";
+import { t } from "./texts.js";
 
 const form = byId("filters-form");
 let apply = () => {};
@@ -43,7 +44,7 @@ export function takeFilters(parameters) {
 
 function showHowMany() {
   const set = limits().length;
-  byId("filters-set").textContent = set ? `(${set} set)` : "";
+  byId("filters-set").textContent = set ? t`(${set} set)` : "";
 }
 
 // Forgets the words that limit a search.

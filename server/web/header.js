@@ -29,9 +29,9 @@ for (const [id, view] of Object.entries(kChoices)) byId(id).addEventListener("ch
 
 const showKeyState = () => { byId("key-button").hidden = !api.getKey() && !wanted; };
 
-export function setKey(key) {
+export function setKey(key, remember = api.isRemembered()) {
   const before = api.getKey();
-  api.setKey(key);
+  api.setKey(key, remember);
   if (!key || (before && before !== key)) forgetQueries().catch(() => {});
   showKeyState();
 }
@@ -39,6 +39,7 @@ export function setKey(key) {
 function openKeyDialog() {
   if (dialog.open) return;
   byId("key-input").value = api.getKey();
+  byId("key-remember").checked = api.isRemembered();
   say(byId("key-problem"), "");
   dialog.showModal();
 }
@@ -56,7 +57,7 @@ byId("key-forget").addEventListener("click", () => {
   dialog.close();
 });
 onSubmit(byId("key-form"), async () => {
-  setKey(byId("key-input").value.trim());
+  setKey(byId("key-input").value.trim(), byId("key-remember").checked);
   try {
     await api.refreshScope();
   } catch (error) {  // the dialog stays
@@ -68,4 +69,16 @@ onSubmit(byId("key-form"), async () => {
   refreshHeader();
   showCurrent();
 });
+
+// A link for a colleague has the key behind the #, which no server sees. The key leaves the address at once.
+function takeKeyOfAddress() {
+  const [path, query] = location.hash.split("?");
+  const { key, ...rest } = Object.fromEntries(new URLSearchParams(query));
+  if (!key) return false;
+  history.replaceState(history.state, "", [path, String(new URLSearchParams(rest))].filter(Boolean).join("?"));
+  setKey(key, false);
+  return true;
+}
+addEventListener("hashchange", () => { if (takeKeyOfAddress()) location.reload(); });
+takeKeyOfAddress();
 showKeyState();

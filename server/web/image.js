@@ -8,6 +8,7 @@ import { editButton } from "./edit.js";
 import { objectName } from "./names.js";
 import { labelList } from "./results.js";
 import { link, makeBackLink, setTitle, showing } from "./router.js";
+import { language, t } from "./texts.js";
 
 const kCandidates = 24;  // hits that are checked as copies
 
@@ -22,7 +23,7 @@ function showLarge(image) {
   large.addEventListener("error", () => {
     const small = make("img", { alt: large.alt, class: "preview" });
     small.addEventListener("error", () => frame.replaceChildren(
-      make("p", { text: "This image cannot be shown. The server does not store its original." })), { once: true });
+      make("p", { text: t`This image cannot be shown. The server does not store its original.` })), { once: true });
     frame.replaceChildren(small);
     byId("image-full").hidden = true;
     api.showImage(small, api.imagePath(image.id, "/thumbnail"));
@@ -54,17 +55,17 @@ function showRecord(image) {
   byId("image-edit").replaceChildren();
   byId("image-edit").classList.remove("editing");
   byId("image-facts").replaceChildren(
-    fact("Object", image.object ? make("a", { href: objectLink, text: image.object }) : "no name"),
-    ...(image.source ? [fact("File", image.source)] : []),
-    fact("Size", `${image.width} × ${image.height}, ${fileSize(image.bytes)}`),
-    fact("Keypoints", image.keypoints.toLocaleString("en")),
-    fact("Added", shortTime(image.added_at)),
-    fact("Id", make("code", { text: image.id })));
+    fact(t`Object`, image.object ? make("a", { href: objectLink, text: image.object }) : t`no name`),
+    ...(image.source ? [fact(t`File`, image.source)] : []),
+    fact(t`Size`, `${image.width} × ${image.height}, ${fileSize(image.bytes)}`),
+    fact(t`Keypoints`, image.keypoints.toLocaleString(language)),
+    fact(t`Added`, shortTime(image.added_at)),
+    fact(t`Id`, make("code", { text: image.id })));
   byId("image-labels").replaceChildren(labelList(image.metadata) ?? "");
   byId("image-actions").replaceChildren(
-    make("a", { class: "button primary", href: link("search", { image: image.id }), text: "Find similar" }),
+    make("a", { class: "button primary", href: link("search", { image: image.id }), text: t`Find similar` }),
     downloadLink(image), editButton({ card: byId("image-edit"), image, large: true, onChanged: showRecord }),
-    deleteHereButton({ path: api.imagePath(image.id), label: `Delete the image ${fileOf(image)} of ${name}`, text: `Deleted: ${fileOf(image)}.`,
+    deleteHereButton({ path: api.imagePath(image.id), label: t`Delete the image ${fileOf(image)} of ${name}`, text: t`Deleted: ${fileOf(image)}.`,
                        here: ["image", { id: image.id }], next: image.object ? ["object", { name: image.object }] : ["images"] }));
 }
 
@@ -96,21 +97,21 @@ export function isNearCopy(hit, image) {
 
 async function copyCard(hit, image) {
   const other = await api.ask(api.imagePath(hit.image_id));
-  const words = other.sha256 === image.sha256 ? "The same file, stored again" :
-    isNearCopy(hit, image) ? "Almost the same image: resized or compressed again" : null;
+  const words = other.sha256 === image.sha256 ? t`The same file, stored again` :
+    isNearCopy(hit, image) ? t`Almost the same image: resized or compressed again` : null;
   if (!words) return null;
   const file = fileOf(other);
   const card = imageLink(other, "", make("span", { text: words, class: "quiet" }),
     make("span", { class: "quiet", text: `${file}, ${other.width} × ${other.height}, ${fileSize(other.bytes)}` }));
   card.append(make("div", { class: "row" }, deleteButton({ card, path: api.imagePath(other.id),
-    label: `Delete the copy ${file} of ${objectName(other.object, other.source)}`, text: `Deleted: ${file}.` })));
+    label: t`Delete the copy ${file} of ${objectName(other.object, other.source)}`, text: t`Deleted: ${file}.` })));
   return card;
 }
 
 byId("copies-find").addEventListener("click", async () => {
   const [number, image] = [latest, shownImage];
   byId("copies-find").disabled = true;
-  say(byId("copies-status"), "Searching…");
+  say(byId("copies-status"), t`Searching…`);
   await attempt(byId("copies-status"), async () => {
     const { hits } = await api.search({ id: image.id }, { group_by: "image", limit: kCandidates, explain: true })
       .catch((error) => { if (number === latest) throw error; return { hits: [] }; });
@@ -118,7 +119,7 @@ byId("copies-find").addEventListener("click", async () => {
     const cards = (await Promise.all(others.map((hit) => copyCard(hit, image)))).filter(Boolean);
     if (number !== latest) return;
     byId("copies-list").replaceChildren(...cards);
-    say(byId("copies-status"), cards.length ? `${count(cards.length, "copy", "copies")} found.` : "No copies found.");
+    say(byId("copies-status"), cards.length ? t`${count(cards.length, "copy", "copies")} found.` : t`No copies found.`);
   });
   byId("copies-find").disabled = false;
 });
@@ -126,7 +127,7 @@ byId("copies-find").addEventListener("click", async () => {
 export async function show(parameters) {
   const number = ++latest;
   byId("image-body").hidden = true;
-  byId("image-title").textContent = "Image";
+  byId("image-title").textContent = t`Image`;
   byId("image-back").href = link("images");
   byId("copies-list").replaceChildren();
   say(byId("copies-status"), "");

@@ -3,9 +3,11 @@
 // Files that are chosen, dropped or pasted, images dragged from a page, and addresses that the server fetches.
 import { mayFetch } from "./api.js";
 import { byId, resultOr } from "./dom.js";
+import { inNaturalOrder } from "./names.js";
+import { t } from "./texts.js";
 
-const kAddressOnly = "The browser gave only the address of this image, and this server fetches no images. " +
-  "Copy the image itself and paste it here, or save it and drop the file.";
+const kAddressOnly = t`The browser gave only the address of this image, and this server fetches no images.
+  Copy the image itself and paste it here, or save it and drop the file.`;
 
 // An image of this server: { collection, id }, or null.
 function storedAt(address) {
@@ -64,7 +66,8 @@ async function contents(transfer, how) {
   const address = addresses.find((one) => /^https?:\/\/\S+$/i.test(one) && URL.canParse?.(one) !== false);
   if (address && await mayFetch()) return { address };
   const isAddress = addresses.some((one) => /^(https?|blob|file):/i.test(one));
-  return { problem: isAddress ? kAddressOnly : `Found no image in what you ${how}.` };
+  return {
+    problem: isAddress ? kAddressOnly : how === "dropped" ? t`Found no image in what you dropped.` : t`Found no image in what you pasted.` };
 }
 
 // path: the folders around a file, from the given one; files directly in that folder have its name.
@@ -74,6 +77,7 @@ const folderOf = ([given = "", ...below]) => below.join("/") || given;
 const kSystemFolder = /^(@eadir|[#@]recycle|[#~]snapshot|@recently-snapshot|\$recycle\.bin|system volume information|__macosx|lost\+found)$/i;
 
 // found: [{ file, path }]. Leaves out hidden files and folders below the given folder, and counts the files in system folders.
+// The others come in natural order.
 function sorted(found) {
   const files = [];
   let leftOut = 0;
@@ -82,7 +86,8 @@ function sorted(found) {
     if (odd && !odd.startsWith(".")) ++leftOut;
     else if (!odd && !(path.length && file.name.startsWith("."))) files.push({ file, folder: folderOf(path) });
   }
-  return files.length ? { files, leftOut } : { problem: "Found no image in this folder." };
+  files.sort((a, b) => inNaturalOrder(a.folder, b.folder) || inNaturalOrder(a.file.name, b.file.name));
+  return files.length ? { files, leftOut } : { problem: t`Found no image in this folder.` };
 }
 
 async function walk(entry, path, found) {
@@ -130,9 +135,9 @@ export function accept(view, inputs, use) {
 // --- other kinds of files, by their first bytes: said here, before a film is sent.
 
 const kAdvice = [
-  [/^....ftyp(?!.{0,56}(avi[fs]|hei[cxms]|hev[cx]|m[is]f1))|^\x1aE\xdf\xa3/s, "A video is not a photo. Save a frame as JPEG first."],
-  [/^\s*(<\?xml.*)?<svg/is, "An SVG is a drawing, not a photo. Save it as PNG first."],
-  [/^%PDF/, "A PDF is a document, not a photo. Save the page as PNG first."],
+  [/^....ftyp(?!.{0,56}(avi[fs]|hei[cxms]|hev[cx]|m[is]f1))|^\x1aE\xdf\xa3/s, t`A video is not a photo. Save a frame as JPEG first.`],
+  [/^\s*(<\?xml.*)?<svg/is, t`An SVG is a drawing, not a photo. Save it as PNG first.`],
+  [/^%PDF/, t`A PDF is a document, not a photo. Save the page as PNG first.`],
 ];
 
 // What to do with a file of these first bytes, which is no photo; undefined for others.

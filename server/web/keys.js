@@ -4,22 +4,27 @@
 import * as api from "./api.js";
 import { askingButton, attempt, byId, copyText, make, makeButton, onSubmit, say, shortTime } from "./dom.js";
 import { setKey } from "./header.js";
+import { link } from "./router.js";
+import { t } from "./texts.js";
 
 const tell = (...what) => say(byId("keys-status"), ...what);
 let isFirst = false;  // the server has no keys and answers everyone
 
 function showNew(made) {
-  const text = make("input", { type: "text", readonly: true, value: made.key, "aria-label": "The new key", spellcheck: "false" });
+  const text = make("input", { type: "text", readonly: true, value: made.key, "aria-label": t`The new key`, spellcheck: "false" });
   const copied = make("span", { role: "status" });
-  const copy = makeButton("Copy", async () => {
-    const done = await copyText(made.key);
+  const copier = (words, what) => makeButton(words, async () => {
+    const done = await copyText(what);
+    text.value = what;
     if (!done) text.select();
-    say(copied, done ? "Copied." : "Press Ctrl+C to copy the key.");
+    say(copied, done ? t`Copied.` : t`Press Ctrl+C to copy.`);
   });
+  const address = new URL(link("search", { key: made.key }), location.href).href;
   byId("keys-new").replaceChildren(
-    make("p", {}, make("strong", { text: `Key "${made.name}" created. ` }), "Copy this key now. It will not be shown again."),
-    make("div", { class: "row key-row" }, text, copy, copied),
-    ...(isFirst ? [make("p", { text: "The server now requires a key. This tab uses the new key." })] : []));
+    make("p", {}, make("strong", { text: t`Key "${made.name}" created.` }), " ", t`Copy this key now. It will not be shown again.`),
+    make("div", { class: "row key-row" }, text, copier(t`Copy`, made.key), copier(t`Copy a link with the key`, address), copied),
+    make("p", { class: "quiet", text: t`The link opens this page with the key. Send it only to the person who needs the key.` }),
+    ...(isFirst ? [make("p", { text: t`The server now requires a key. This tab uses the new key.` })] : []));
   byId("keys-new").hidden = false;
   text.focus();
   text.select();
@@ -28,7 +33,7 @@ function showNew(made) {
 onSubmit(byId("keys-form"), async () => {
   const name = byId("keys-name").value.trim();
   if (!name) {
-    tell("Enter a name for the key.", true);
+    tell(t`Enter a name for the key.`, true);
     byId("keys-name").focus();
     return;
   }
@@ -48,13 +53,13 @@ onSubmit(byId("keys-form"), async () => {
 async function revoke(key) {
   const failure = await api.deletePath(`v1/keys/${encodeURIComponent(key.id)}`).then(() => null, (error) => error.message);
   await refresh();  // the list first, then the words
-  tell(failure ?? `Key "${key.name}" revoked.`, Boolean(failure));
+  tell(failure ?? t`Key "${key.name}" revoked.`, Boolean(failure));
   byId("keys-title").focus();
 }
 
 function row(key, mine) {
-  const state = key.revoked_at ? [`revoked ${shortTime(key.revoked_at)}`] : [key.id === mine ? "used by this tab " : "", askingButton(
-    "Revoke", `Revoke the key ${key.name}`, { question: "The key will stop working at once.", yes: "Revoke", act: () => revoke(key) })];
+  const state = key.revoked_at ? [t`revoked ${shortTime(key.revoked_at)}`] : [...(key.id === mine ? [t`used by this tab`, " "] : []), askingButton(
+    t`Revoke`, t`Revoke the key ${key.name}`, { question: t`The key will stop working at once.`, yes: t`Revoke`, act: () => revoke(key) })];
   return make("tr", { class: key.revoked_at ? "gone" : "" }, make("th", { scope: "row", text: key.name }), make("td", { text: key.scope }),
               make("td", {}, make("code", { text: key.id })), make("td", { text: shortTime(key.created_at) }), make("td", {}, ...state));
 }
@@ -74,6 +79,7 @@ async function refresh() {
 
 export function show() {
   tell("");
+  byId("keys-loopback").hidden = !/^(localhost|127\..*|\[::1\])$/.test(location.hostname);
   return refresh();
 }
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Labels as people type them: "shelf=4, colour=red" is { shelf: 4, colour: "red" }. Conditions also have "year>=2020":
 // { year: { gte: 2020 } }.
+import { t } from "./texts.js";
 
 const kTests = [[">=", "gte"], ["<=", "lte"], [">", "gt"], ["<", "lt"], ["=", null]];
 
@@ -15,7 +16,7 @@ function valueOf(text) {
 function split(text, sign) {
   const at = sign ? text.indexOf(sign) : -1;
   const name = text.slice(0, Math.max(0, at)).trim();
-  if (!name) throw new Error(`"${text}" is not a label. Write name=value.`);
+  if (!name) throw new Error(t`"${text}" is not a label. Write name=value.`);
   return [name, text.slice(at + sign.length).trim()];
 }
 
@@ -49,7 +50,7 @@ export function labelsPatch(metadata, lines) {
   const left = new Set(before.keys());
   for (const line of parts(lines, "\n")) {
     const [name, text] = split(line, line.includes("=") ? "=" : "");
-    if (Object.hasOwn(metadata, name) && !before.has(name)) throw new Error(`"${name}" cannot be edited here. Use the HTTP API.`);
+    if (Object.hasOwn(metadata, name) && !before.has(name)) throw new Error(t`"${name}" cannot be edited here. Use the HTTP API.`);
     left.delete(name);
     if (before.get(name) !== text) patch[name] = valueOf(text);
   }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Default names of objects: the folder's or the file's.
 import { resultOr } from "./dom.js";
+import { t } from "./texts.js";
 
 export const kLongestName = 200;  // characters
 const kMostBytes = 512;           // in UTF-8, on the server
@@ -46,9 +47,9 @@ function numbered(name, taken, form) {
 export function defaultName(file, folder = "", taken = []) {
   const given = acceptable((folder || stem(file.name)).normalize("NFC"));
   if (!kSaysNothing.test(given)) return given;
-  const t = new Date(file.lastModified);
-  const [month, day, ...time] = [t.getMonth() + 1, t.getDate(), t.getHours(), t.getMinutes(), t.getSeconds()].map((n) => String(n).padStart(2, "0"));
-  const name = `Photo ${t.getFullYear()}-${month}-${day} ${time.join(".")}`;
+  const at = new Date(file.lastModified);
+  const [month, day, ...time] = [at.getMonth() + 1, at.getDate(), at.getHours(), at.getMinutes(), at.getSeconds()].map((n) => String(n).padStart(2, "0"));
+  const name = `Photo ${at.getFullYear()}-${month}-${day} ${time.join(".")}`;
   return numbered(name, taken, (i) => `${name} (${i})`);
 }
 
@@ -60,7 +61,10 @@ function fileNameOf(source) {
 }
 
 // For a stored image or a hit: its object's name, else its file's.
-export const objectName = (object, source = "") => object || acceptable(stem(fileNameOf(source ?? ""))) || "(no name)";
+export const objectName = (object, source = "") => object || acceptable(stem(fileNameOf(source ?? ""))) || t`(no name)`;
+
+// "(2)" before "(10)".
+export const inNaturalOrder = new Intl.Collator(undefined, { numeric: true }).compare;
 
 export const shownName = ({ name, display_name: shown }) => shown || name;
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rectangle to search inside: drawn with a mouse, a pen or a finger, moved and sized by keyboard, or typed.
 import { byId } from "./dom.js";
+import { t } from "./texts.js";
 
 const kLeastShare = 0.04;  // of each side: a smaller rectangle is a slip of the hand
 const kStep = 0.02;        // of a side, per key press
@@ -49,7 +50,7 @@ function setPart(next) {
   if (!part) return;
   for (const [side, share] of [["left", part.x], ["top", part.y], ["width", part.width], ["height", part.height]]) box.style[side] = `${100 * share}%`;
   const [x, y, width, height] = pixels();
-  box.setAttribute("aria-label", `Part to search: left ${x}, top ${y}, width ${width}, height ${height}`);
+  box.setAttribute("aria-label", t`Part to search: left ${x}, top ${y}, width ${width}, height ${height}`);
   for (const [i, value] of [x, y, width, height].entries()) numbers[i].value = value;
 }
 

@@ -5,6 +5,7 @@ import { imagePath, showImage } from "./api.js";
 import { byId, count, make, makeButton, resultOr, shorten } from "./dom.js";
 import { filterParameters } from "./filters.js";
 import { link } from "./router.js";
+import { t } from "./texts.js";
 import { isWeak, scoreWords } from "./words.js";
 
 const strong = byId("results");
@@ -49,8 +50,9 @@ function hitCard(hit, colour, onChoose) {
     make("span", { class: "bar", "aria-hidden": "true" }, fill), make("span", { class: "quiet", text: facts })));
   const page = hit.object ? ["object", { name: hit.object }] : ["image", { id: hit.image_id }];
   const card = make("li", { class: "hit" }, button, labelList(hit.metadata), make("div", { class: "links quiet" },
-    make("a", { href: link(...page), text: `Open ${page[0]}`, "aria-label": `Open ${page[0]} ${hit.name}` }),
-    make("a", { href: link("search", { image: hit.image_id, ...filterParameters() }), text: "Find similar", "aria-label": `Find similar to ${hit.name}` })));
+    make("a", { href: link(...page), text: hit.object ? t`Open object` : t`Open image`,
+                "aria-label": hit.object ? t`Open object ${hit.name}` : t`Open image ${hit.name}` }),
+    make("a", { href: link("search", { image: hit.image_id, ...filterParameters() }), text: t`Find similar`, "aria-label": t`Find similar to ${hit.name}` })));
   card.dataset.id = hit.image_id;
   return card;
 }

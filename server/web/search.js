@@ -15,6 +15,7 @@ import { regionParameter, resetRegion, whenRegionIsWanted } from "./region.js";
 import { addHits, clearHits, focusHit, markChosen, showRest, whenFolded } from "./results.js";
 import { link, noteAddress, pushAddress, showing } from "./router.js";
 import { coloursOf, drawStage, whenHitIsPicked } from "./stage.js";
+import { t } from "./texts.js";
 import { isLeaving, notify } from "./undo.js";
 import { adviceWords, isWeak, verdictWords } from "./words.js";
 
@@ -72,8 +73,8 @@ async function run(offset = 0) {
   const mine = running = new AbortController();
   if (query.key || query.id || query.url) noteAddress(searchLink());
   byId("workspace").setAttribute("aria-busy", "true");
-  say(status, "Searching…");
-  const closer = setTimeout(() => { if (mine === running) say(status, "Looking closer…"); }, kCloserMs);
+  say(status, t`Searching…`);
+  const closer = setTimeout(() => { if (mine === running) say(status, t`Looking closer…`); }, kCloserMs);
   try {
     mistyped = true;
     const settings = { ...filterSettings(), offset, explain: true };
@@ -129,8 +130,8 @@ function showAnswer(answer, offset, how) {
   showRest(total - received);
   const said = { hits, found: answer.found, filtered: isFiltered(), stored: Boolean(query.id), ...how };
   const possible = hits.filter((hit) => !isWeak(hit)).length;
-  const matches = answer.found ? count(answer.found, "match", "matches") : possible ? count(possible, "possible match", "possible matches") : "No match";
-  const quiet = [`${matches} in ${(answer.took_ms / 1000).toFixed(2)} s.`, adviceWords(said)];
+  const matches = answer.found ? count(answer.found, "match", "matches") : possible ? count(possible, "possible match", "possible matches") : t`No match`;
+  const quiet = [t`${matches} in ${(answer.took_ms / 1000).toFixed(2)} s.`, adviceWords(said)];
   say(status, "");
   status.append(make("strong", { class: "verdict", text: verdictWords(said) }), make("span", { class: "quiet", text: quiet.filter(Boolean).join(" ") }));
   if (!offset && hits.length && !isWeak(hits[0])) choose(hits[0]);
@@ -184,14 +185,15 @@ async function searchFile(file) {
 
 // Several images: added, or only the first is searched with. An empty collection has nothing to find.
 async function takeMany(given, images) {
-  const words = `You ${given.how} ${count(images.length, "image")}.`;
+  const n = count(images.length, "image");
+  const words = given.how === "dropped" ? t`You dropped ${n}.` : t`You pasted ${n}.`;
   const first = () => searchFile(images[0].file);
   if (!await api.mayWrite()) {
-    notify(`${words} Pliant searches with the first, because your key does not allow adding.`);
+    notify(t`${words} Pliant searches with the first, because your key does not allow adding.`);
     first();
   } else if (byId("welcome").hidden) {
     const dialog = byId("many-dialog");
-    byId("many-text").textContent = `${words} Add all of them, or search with the first?`;
+    byId("many-text").textContent = t`${words} Add all of them, or search with the first?`;
     dialog.returnValue = "";
     dialog.onclose = () => ({ add: () => take(given), search: first })[dialog.returnValue]?.();
     dialog.showModal();
@@ -220,7 +222,7 @@ whenFiltersChange(() => run());
 byId("results-more").addEventListener("click", () => run(received));
 byId("share").addEventListener("click", async () => {
   const address = new URL(searchLink(), location.href).href;
-  notify(await copyText(address) ? "Link copied." : `Link: ${address}`);
+  notify(await copyText(address) ? t`Link copied.` : t`Link: ${address}`);
 });
 
 // An earlier search of this browser: Reload and Back lead here.
@@ -229,14 +231,14 @@ async function showKept(key, part, greeted) {
   if (!file) {
     forget();
     await greeted;  // its words would replace these
-    say(status, "This browser no longer keeps that photo. Choose the photo again.", true);
+    say(status, t`This browser no longer keeps that photo. Choose the photo again.`, true);
   } else {
     await setQuery({ file, key, part });
   }
 }
 
 export const searchView = {
-  title: "Search",
+  title: t`Search`,
   async show(parameters) {
     latest = null;
     const greeted = refreshDemonstration();

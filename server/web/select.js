@@ -5,9 +5,15 @@ import * as api from "./api.js";
 import { count, eachOf, make, makeButton, say, smallButton } from "./dom.js";
 import { nameField, noName, openForm } from "./edit.js";
 import { parseLabels } from "./labels.js";
+import { shownName } from "./names.js";
+import { t } from "./texts.js";
 import { deleteLater, notify, settle } from "./undo.js";
 
-const kStart = "Select several";
+const kStart = t`Select several`;
+const kWords = {
+  image: { selected: t`Selected images`, move: t`Move the selected images` },
+  object: { selected: t`Selected objects`, move: t`Move the selected objects` },
+};
 
 // list: the element with the cards of cards.js. word: "image" or "object". bar: the element for the buttons. refresh():
 // shows the list again.
@@ -16,11 +22,11 @@ export function makeSelection({ list, bar, word, refresh }) {
   const status = make("span", { role: "status" });
   const place = make("div", {});
   const start = makeButton(kStart, () => turn(!isOn()), { "data-needs": "write" });
-  const forms = word === "image" ? [["Name…", nameForm], ["Label…", labelForm]] : [["Merge…", mergeForm]];
-  const changes = [...forms.map(([text, form]) => smallButton(text, ({ target }) => open(target, form()))), smallButton("Delete", remove)];
-  const panel = make("div", { class: "panel selection", role: "group", "aria-label": `Selected ${word}s`, hidden: true },
-    make("div", { class: "row" }, status, smallButton("All shown", () => choose(selectable(), true)),
-      smallButton("None", () => choose(selectable(), false)), ...changes),
+  const forms = [...word === "image" ? [[t`Name…`, nameForm], [t`Label…`, labelForm]] : [[t`Merge…`, mergeForm]], [t`Move…`, moveForm]];
+  const changes = [...forms.map(([text, form]) => smallButton(text, async ({ target }) => open(target, await form()))), smallButton(t`Delete`, remove)];
+  const panel = make("div", { class: "panel selection", role: "group", "aria-label": kWords[word].selected, hidden: true },
+    make("div", { class: "row" }, status, smallButton(t`All shown`, () => choose(selectable(), true)),
+      smallButton(t`None`, () => choose(selectable(), false)), ...changes),
     place);
   bar.append(start);
   bar.after(panel);
@@ -32,7 +38,7 @@ export function makeSelection({ list, bar, word, refresh }) {
   const chosen = () => selectable().filter((card) => boxOf(card).checked);
 
   function showState() {
-    say(status, `${count(chosen().length, word)} selected`);
+    say(status, t`${count(chosen().length, word)} selected`);
     for (const one of changes) one.disabled = !chosen().length;
   }
 
@@ -50,7 +56,7 @@ export function makeSelection({ list, bar, word, refresh }) {
 
   function turn(on) {
     list.classList.toggle("selecting", on);
-    start.textContent = on ? "Done" : kStart;
+    start.textContent = on ? t`Done` : kStart;
     panel.hidden = !on;
     clearForm();
     choose(selectable(), false);
@@ -74,9 +80,9 @@ export function makeSelection({ list, bar, word, refresh }) {
     const cards = chosen();
     for (const card of cards) card.remove();
     deleteLater({
-      paths: cards.map((card) => card.item.path), text: `Deleted: ${count(cards.length, word)}.`,
+      paths: cards.map((card) => card.item.path), text: t`Deleted: ${count(cards.length, word)}.`,
       restore(error, left) {
-        if (error) notify(`${count(left.length, word)} could not be deleted. ${error.message}`, true);
+        if (error) notify(t`${count(left.length, word)} could not be deleted. ${error.message}`, true);
         refresh();
       },
     });
@@ -84,56 +90,73 @@ export function makeSelection({ list, bar, word, refresh }) {
     start.focus();
   }
 
-  // form.save(progress) throws what is wrong, and returns the notice for success.
+  // form.save(progress) throws what is wrong, and returns the notice for success: [text, undo()], or a text.
   function open(opener, form) {
+    if (!form) return;
     clearForm();
     openForm({ card: place, opener, ...form, async save(close, progress) {
       const done = await form.save(progress);
       turn(false);
       start.focus();  // before the list comes: people may already use it then
       await refresh();
-      notify(done);
+      const [text, undo] = [done].flat();
+      notify(text, false, undo);
     } });
   }
 
   // The same change to every selected image; those that fail stay selected.
-  async function changeAll(changed, progress) {
+  async function changeAll(changed, progress, query = "") {
     const cards = chosen();
     let done = 0;
     const failed = await eachOf(cards, async (card) => {
-      await api.patch(card.item.path, changed);
+      await api.patch(card.item.path + query, changed);
       boxOf(card).checked = false;
       progress(++done, cards.length);
     });
     showState();
-    if (failed.length) throw new Error(`${count(failed.length, word)} could not be changed. ${failed[0].error.message}`);
+    if (failed.length) throw new Error(t`${count(failed.length, word)} could not be changed. ${failed[0].error.message}`);
     return count(cards.length, word);
   }
 
   function nameForm() {
-    const [field, input] = nameField("Object");
-    return { title: "Name the selected images", fields: [field], note: "The images move to the object with this name.", async save(progress) {
+    const [field, input] = nameField(t`Object`);
+    return { title: t`Name the selected images`, fields: [field], note: t`The images move to the object with this name.`, async save(progress) {
       const object = input.value.trim();
       if (object) await settle(api.objectPath(object));
+      const before = chosen().map(({ item }) => item);
       const n = await changeAll({ object }, progress);
-      return object ? `${n} moved to ${object}.` : `Name removed from ${n}.`;
+      return [object ? t`${n} moved to ${object}.` : t`Name removed from ${n}.`, async () => {
+        const [failed] = await eachOf(before, (item) => api.patch(item.path, { object: item.object }));
+        if (failed) throw failed.error;
+      }];
+    } };
+  }
+
+  async function moveForm() {
+    const others = (await api.collections().catch(() => ({ collections: [] }))).collections.filter(({ name }) => name !== api.collectionName());
+    if (!others.length) return notify(t`There is no other collection. Create one under Collection.`, true);
+    const input = make("select", {}, ...others.map((one) => make("option", { value: one.name, text: shownName(one) })));
+    const fields = [make("label", { text: t`To the collection` }, input)];
+    return { title: kWords[word].move, fields, note: t`An object of the same name there gets the images.`, async save(progress) {
+      const n = await changeAll({ collection: input.value }, progress, word === "object" ? "?merge=true" : "");
+      return t`${n} moved to ${input.selectedOptions[0].text}.`;
     } };
   }
 
   function labelForm() {
-    const input = make("input", { type: "text", autocomplete: "off", placeholder: "shelf=4, colour=red" });
-    const fields = [make("label", { text: "Labels to add" }, input)];
-    return { title: "Label the selected images", fields, note: "Other labels stay. An empty value (shelf=) removes a label.", async save(progress) {
+    const input = make("input", { type: "text", autocomplete: "off", placeholder: t`shelf=4, colour=red` });
+    const fields = [make("label", { text: t`Labels to add` }, input)];
+    return { title: t`Label the selected images`, fields, note: t`Other labels stay. An empty value (shelf=) removes a label.`, async save(progress) {
       const labels = parseLabels(input.value);
-      if (!labels) throw new Error("Enter at least one label: name=value.");
+      if (!labels) throw new Error(t`Enter at least one label: name=value.`);
       for (const [name, value] of Object.entries(labels)) if (value === "") labels[name] = null;
-      return `${await changeAll({ metadata: labels }, progress)} labelled.`;
+      return t`${await changeAll({ metadata: labels }, progress)} labelled.`;
     } };
   }
 
   function mergeForm() {
-    const [field, input] = nameField("Name of the merged object", chosen()[0]?.item.object);
-    return { title: "Merge the selected objects", fields: [field], note: "A merge cannot be undone.", async save(progress) {
+    const [field, input] = nameField(t`Name of the merged object`, chosen()[0]?.item.object);
+    return { title: t`Merge the selected objects`, fields: [field], note: t`A merge cannot be undone.`, async save(progress) {
       const object = input.value.trim();
       if (!object) throw noName();
       await settle(api.objectPath(object));
@@ -143,7 +166,7 @@ export function makeSelection({ list, bar, word, refresh }) {
         boxOf(card).checked = false;
         progress(i + 1, cards.length);
       }
-      return `${count(cards.length, "object")} merged into ${object}.`;
+      return t`${count(cards.length, "object")} merged into ${object}.`;
     } };
   }
 

@@ -3,6 +3,7 @@
 // The photo with everything found in it: each object outlined in its own colour, with its name, which selects it.
 import { byId, makeButton } from "./dom.js";
 import { drawOutline, drawPoints, fitCanvas, kOutline, pathOf } from "./draw.js";
+import { t } from "./texts.js";
 import { isWeak } from "./words.js";
 
 // They show on any image (outlines have dark edges), also to people who see fewer colours.
@@ -33,7 +34,7 @@ export function drawStage(query, hits, chosen) {
   tags.replaceChildren();
   shown = [];
   if (!query?.bitmap) {
-    note.textContent = query?.url ? "The server is fetching this image." : "This browser cannot show this file, but the search works.";
+    note.textContent = query?.url ? t`The server is fetching this image.` : t`This browser cannot show this file, but the search works.`;
     return;
   }
   photoWidth = query.width;
@@ -51,13 +52,13 @@ export function drawStage(query, hits, chosen) {
       shown.push({ hit, polygon });
       tags.append(tag(hit, polygon, colour, query, hit === chosen));
     }
-    if (outlines.length) said.push(hit.name + (outlines.length > 1 ? `, ${outlines.length} times` : ""));
+    if (outlines.length) said.push(hit.name + (outlines.length > 1 ? t`, ${outlines.length} times` : ""));
   }
   if (chosen?.explain) drawPoints(context, chosen.explain.pairs.map(([x, y]) => [x, y]), scale, colours.get(chosen.image_id));
   if (focused) tags.children[shown.findIndex(({ polygon }) => polygon === focused)]?.focus({ preventScroll: true });
   separate();
-  note.textContent = said.length ? `Outlined: ${said.join("; ")}` : "";
-  canvas.setAttribute("aria-label", ["Your photo", note.textContent].filter(Boolean).join(". "));
+  note.textContent = said.length ? t`Outlined: ${said.join("; ")}` : "";
+  canvas.setAttribute("aria-label", [t`Your photo`, note.textContent].filter(Boolean).join(". "));
 }
 
 // The name, at the top of the outline, inside the photo.

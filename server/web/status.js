@@ -5,6 +5,7 @@ import * as api from "./api.js";
 import { askingButton, attempt, byId, count, fact, figure, fileSize, make, makeLiveList, say, shortTime } from "./dom.js";
 import { follow, isActive, makeJobList } from "./jobs.js";
 import { showing } from "./router.js";
+import { t } from "./texts.js";
 
 const kPollMs = 3000;
 const kUnescaped = { n: "\n", "\\": "\\", '"': '"' };
@@ -33,7 +34,7 @@ export function total(samples, name, patterns = {}) {
 
 function showFacts(samples, took) {
   const of = (name, patterns) => total(samples, name, patterns);
-  const known = (name, words) => (of(name) === null ? "unknown" : words(of(name)));
+  const known = (name, words) => (of(name) === null ? t`unknown` : words(of(name)));
   const number = (name) => known(name, figure);
   const bytes = (name) => known(name, (value) => fileSize(Math.round(value)));
   const noted = (name, value, note) => fact(name, value, make("span", { class: "quiet beside", text: note }));
@@ -41,23 +42,23 @@ function showFacts(samples, took) {
   const rate = before ? Math.max(0, now.requests - before.requests) / Math.max(0.001, (now.at - before.at) / 1000) : 0;
   before = now;
   byId("status-facts").replaceChildren(
-    fact("Images", number("pliant_images")), fact("Objects", number("pliant_objects")),
-    noted("Database", bytes("pliant_database_bytes"), `${bytes("pliant_disk_free_bytes")} of disk space free`),
-    noted("Memory", bytes("process_resident_memory_bytes"), `index: ${bytes("pliant_index_bytes")}`),
-    noted("Requests", `${figure(rate)} per second`,
-          `${figure(now.requests)} in total, ${figure(of("pliant_http_requests_total", { status: /^5/ }) ?? 0)} failed`),
-    noted("Waiting", figure(of("pliant_queue_length") ?? 0), count(of("pliant_queue_length", { lane: /^search$/ }) ?? 0, "search", "searches")),
-    noted("Busy cores", number("pliant_busy_cores"), of("pliant_decoders") === null ? "" : count(of("pliant_decoders"), "decoder")));
+    fact(t`Images`, number("pliant_images")), fact(t`Objects`, number("pliant_objects")),
+    noted(t`Database`, bytes("pliant_database_bytes"), t`${bytes("pliant_disk_free_bytes")} of disk space free`),
+    noted(t`Memory`, bytes("process_resident_memory_bytes"), t`index: ${bytes("pliant_index_bytes")}`),
+    noted(t`Requests`, t`${figure(rate)} per second`,
+          t`${figure(now.requests)} in total, ${figure(of("pliant_http_requests_total", { status: /^5/ }) ?? 0)} failed`),
+    noted(t`Waiting`, figure(of("pliant_queue_length") ?? 0), count(of("pliant_queue_length", { lane: /^search$/ }) ?? 0, "search", "searches")),
+    noted(t`Busy cores`, number("pliant_busy_cores"), of("pliant_decoders") === null ? "" : count(of("pliant_decoders"), "decoder")));
   const { version = "", descriptor } = samples.find(({ name }) => name === "pliant_info")?.labels ?? {};
-  byId("status-version").textContent = [`Pliant ${version}`, descriptor ? `descriptor ${descriptor}` : "",
-                                        `answered in ${Math.round(took)} ms`].filter(Boolean).join(", ");
+  byId("status-version").textContent = [`Pliant ${version}`, descriptor ? t`descriptor ${descriptor}` : "",
+                                        t`answered in ${Math.round(took)} ms`].filter(Boolean).join(", ");
 }
 
 async function showReady() {
   const answer = await fetch("readyz");
   const body = await answer.json().catch(() => ({}));
-  byId("status-ready").textContent = answer.ok ? "Ready" : body.code === "starting" ?
-    `Starting: ${Math.round(100 * (body.progress ?? 0))} % of the index is loaded` : body.detail ?? "Not ready";
+  byId("status-ready").textContent = answer.ok ? t`Ready` : body.code === "starting" ?
+    t`Starting: ${Math.round(100 * (body.progress ?? 0))} % of the index is loaded` : body.detail ?? t`Not ready`;
   byId("status-ready").classList.toggle("error", !answer.ok && body.code !== "starting");
   return answer.ok;
 }
@@ -68,7 +69,7 @@ async function showJobs() {
   const { jobs } = await api.ask("v1/jobs?limit=500");
   listJobs(jobs);
   const running = jobs.filter(isActive).length;
-  byId("status-running").textContent = running ? `${count(running, "job")} running` : "";
+  byId("status-running").textContent = running ? t`${count(running, "job")} running` : "";
 }
 
 // --- backups
@@ -79,7 +80,7 @@ const tell = (text) => say(byId("backups-said"), text);
 async function deleteBackup(backup) {
   await attempt(byId("backups-said"), async () => {
     await api.deletePath(backupPath(backup));
-    tell(`Backup ${backup.name} deleted.`);
+    tell(t`Backup ${backup.name} deleted.`);
   });
   await refresh();
   byId("backups-title").focus();
@@ -89,12 +90,12 @@ function backupItem(backup) {
   const note = make("span", { class: "quiet", role: "status" });
   return make("li", {}, make("strong", { text: backup.name }),
     make("span", { class: "quiet", text: `${fileSize(backup.bytes)}, ${shortTime(backup.created_at)}` }),
-    api.downloadLink(backupPath(backup, "/content"), backup.name, note, { class: "button small", "aria-label": `Download the backup ${backup.name}` }),
-    askingButton("Delete", `Delete the backup ${backup.name}`, {
-      question: "This cannot be undone.", yes: "Delete", act: () => deleteBackup(backup) }), note);
+    api.downloadLink(backupPath(backup, "/content"), backup.name, note, { class: "button small", "aria-label": t`Download the backup ${backup.name}` }),
+    askingButton(t`Delete`, t`Delete the backup ${backup.name}`, {
+      question: t`This cannot be undone.`, yes: t`Delete`, act: () => deleteBackup(backup) }), note);
 }
 
-const listBackups = makeLiveList("backups", backupItem, "No backups yet.");
+const listBackups = makeLiveList("backups", backupItem, t`No backups yet.`);
 
 async function showBackups() {
   if (!api.isAdmin()) return;
@@ -106,11 +107,11 @@ async function showBackups() {
 
 byId("backup-make").addEventListener("click", () => attempt(byId("backups-said"), async () => {
   const { id } = await api.askJson("v1/backups", "POST", {});
-  tell("The backup has started. It is listed here when it is complete.");
+  tell(t`The backup has started. It is listed here when it is complete.`);
   refresh();
   await follow(id);
   await refresh();
-  tell("The backup is complete.");
+  tell(t`The backup is complete.`);
 }));
 
 // --- all of it
@@ -128,7 +129,7 @@ async function refresh() {
       say(byId("status-status"), "");
     }
   } catch (error) {
-    say(byId("status-status"), error instanceof TypeError ? "The server cannot be reached." : error.message, true);
+    say(byId("status-status"), error instanceof TypeError ? t`The server cannot be reached.` : error.message, true);
   }
   clearTimeout(timer);
   timer = setTimeout(refresh, kPollMs);

@@ -1,9 +1,11 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Deleting with undo, and notices. A deleted item disappears at once; the server is told when the time for "Undo" is
+// Deleting and renaming with undo, and notices. A deleted item disappears at once; the server is told when the time for "Undo" is
 // over, or when the page is left.
 import { deletePath, keyHeaders } from "./api.js";
 import { byId, eachOf, make, makeButton } from "./dom.js";
+import { showCurrent } from "./router.js";
+import { t } from "./texts.js";
 
 const kUndoMs = 8000;
 const kTickMs = 200;
@@ -20,8 +22,8 @@ export const settle = async (path) => { await pending.get(path)?.(); };
 // paths: for DELETE. restore(error, some): called on undo with null and all paths, and after a failure with the reason
 // and the remaining paths.
 export function deleteLater({ paths, text, restore }) {
-  const bar = make("progress", { max: kUndoMs, value: kUndoMs, "aria-label": "Time left to undo" });
-  const undo = makeButton("Undo", () => { finish(); restore(null, paths); });
+  const bar = make("progress", { max: kUndoMs, value: kUndoMs, "aria-label": t`Time left to undo` });
+  const undo = makeButton(t`Undo`, () => { finish(); restore(null, paths); });
   const notice = make("div", { class: "notice" }, make("p", { text }), make("div", { class: "row" }, undo, bar));
   let left = kUndoMs;
   const born = Date.now();
@@ -53,9 +55,16 @@ export function deleteLater({ paths, text, restore }) {
   byId("notices").append(notice);
 }
 
-// A message that closes by itself, unless it is an error.
-export function notify(text, isError = false) {
-  const notice = make("div", { class: `notice${isError ? " error" : ""}` }, make("p", { text }), makeButton("Close", () => notice.remove()));
+// A message that closes by itself, unless it is an error. undo(): makes a change as it was; a button calls it.
+export function notify(text, isError = false, undo = null) {
+  const close = makeButton(t`Close`, () => notice.remove());
+  const back = undo && makeButton(t`Undo`, async () => {
+    notice.remove();
+    byId("main").focus();
+    await undo().catch((error) => notify(error.message, true));
+    showCurrent();
+  });
+  const notice = make("div", { class: `notice${isError ? " error" : ""}` }, make("p", { text }), make("div", { class: "row" }, back ?? "", close));
   byId("notices").append(notice);
   if (isError) return;
   setTimeout(() => notice.remove(), kUndoMs);

@@ -27,3 +27,4 @@ import "./cases/select.mjs";
 import "./cases/walk.mjs";
 import "./cases/looks.mjs";
 import "./cases/modules.mjs";
+import "./cases/texts.mjs";

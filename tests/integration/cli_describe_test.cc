@@ -34,6 +34,25 @@ TEST_F(CliTest, DescribeWritesArrays) {
   }
 }
 
+TEST_F(CliTest, EnlargedIsWhatASearchCompares) {
+  const std::string image = (folder_ / "views" / "q.png").string();
+  const std::string database = (folder_ / "x.db").string();
+  const std::string out = (folder_ / "q.npz").string();
+  WriteBytes(image, RandomPng(1));
+  ASSERT_EQ(RunProgram({"index", (folder_ / "views").string(), "--db", database, "--descriptor",
+                        "rootsift"})
+                .status,
+            0);
+  const ProgramResult query = RunProgram({"query", image, "--db", database, "--json"});
+  const ProgramResult plain =
+      RunProgram({"describe", image, "--descriptor", "rootsift", "--out", out, "--json"});
+  const ProgramResult enlarged = RunProgram(
+      {"describe", image, "--descriptor", "rootsift", "--enlarge", "--out", out, "--json"});
+  ASSERT_EQ(enlarged.status, 0) << enlarged.err;
+  EXPECT_EQ(enlarged.json()["keypoints"], query.json()["keypoints"]);
+  EXPECT_LT(plain.json()["keypoints"], enlarged.json()["keypoints"]);
+}
+
 TEST_F(CliTest, ResultsGoToStandardOutput) {
   WriteBytes(folder_ / "views" / "q.png", RandomPng(1));
   WriteBytes(folder_ / "views" / "r.png", RandomPng(2));

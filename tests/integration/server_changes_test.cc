@@ -156,6 +156,23 @@ TEST_F(ChangesTest, AnObjectIsRenamedOrJoinsAnother) {
   EXPECT_EQ(Read(MakeImage("c"))["object"], "tea mug");
 }
 
+TEST_F(ChangesTest, ImagesAndObjectsMoveToAnotherCollection) {
+  ASSERT_EQ(client_->Put("/v1/collections/winter")->status, 201);
+  const Json moved =
+      Changed(MakeImage("c"), R"({"collection": "winter", "metadata": {"shelf": 5}})");
+  EXPECT_EQ(moved["collection"], "winter");
+  EXPECT_EQ(moved["object"], "cup");
+  EXPECT_EQ(client_->Get(MakeImage("c"))->status, 404);
+  EXPECT_EQ(client_->Get("/v1/collections/winter/images/c/content")->body, TestImage('c'));
+  EXPECT_EQ(Changed(Object("mug"), R"({"collection": "winter"})"),
+            (Json{{"object", "mug"}, {"images", 2}, {"image_id", "a"}}));
+  EXPECT_EQ(client_->Get(Object("mug"))->status, 404);
+  ASSERT_EQ(client_->Put(MakeImage("a"), TestImage(7), "image/png")->status, 201);
+  ExpectProblem(Patch(MakeImage("a"), R"({"collection": "winter"})"), 409, "image_exists");
+  ExpectProblem(Patch(MakeImage("a"), R"({"collection": "x"})"), 404, "collection_not_found");
+  EXPECT_EQ(client_->Get(MakeImage("a"))->status, 200) << "nothing was moved";
+}
+
 TEST_F(ChangesTest, TheSameBytesByAnotherNameSayWhichImageToChange) {
   const auto refused = Upload(*client_, TestImage('a'), "bowl");
   ExpectProblem(refused, 409, "same_bytes");

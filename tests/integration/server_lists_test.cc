@@ -73,6 +73,9 @@ TEST_F(ListsTest, ImagesByFilterTextAndOrder) {
   EXPECT_THAT(Ids({{"q", ""}, {"sort", "-created"}}), ElementsAre("b3", "b2", "b1", "a2", "a1"));
   EXPECT_THAT(Ids({{"sort", "object"}}), ElementsAre("b2", "b1", "b3", "a1", "a2"));
   EXPECT_THAT(Ids({{"object", "mug"}, {"q", "a1"}}), ElementsAre("a1"));
+  EXPECT_THAT(Ids({{"sort", "-metadata.n"}}), ElementsAre("b3", "b2", "b1", "a2", "a1"));
+  EXPECT_THAT(Ids({{"sort", "metadata.shop"}, {"limit", "2"}}), ElementsAre("b2", "a1"));
+  EXPECT_THAT(Ids({{"filter", R"({"shop": {"prefix": "W"}})"}}), ElementsAre("a2"));
   EXPECT_THAT(Ids({{"q", "%"}}), ElementsAre()) << "no pattern";
   ASSERT_EQ(client_
                 ->Patch(std::string(kImages) + "/a1", R"({"metadata": {"seen": true}})",

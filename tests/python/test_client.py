@@ -183,7 +183,15 @@ class Served(FolderCase):
         with self.fails(pliant.ConflictError, "object_exists"):
             client.rename_object("o2", "cup/é?")
         self.assertEqual(client.rename_object("o2", "cup/é?", merge=True)["images"], 2)
+        winter = self.client.collection("winter")
+        winter.create()
+        self.assertEqual(client.update("p0", collection="winter")["collection"], "winter")
+        self.assertEqual(client.move_object("cup/é?", "winter")["images"], 2)
+        self.assertEqual([one["object"] for one in winter.objects()], ["cup/é?"])
+        self.assertEqual(winter.move_object("cup/é?", client.name)["images"], 2)
+        self.assertEqual(winter.update("p0", collection=client.name)["id"], "p0")
         for work, kind, code in ((lambda: client.update("none", object="x"), pliant.NotFoundError, "image_not_found"),
+                                 (lambda: client.move_object("cup/é?", "x"), pliant.NotFoundError, "collection_not_found"),
                                  (lambda: client.rename_object("none", "x"), pliant.NotFoundError, "object_not_found"),
                                  (lambda: client.update("p0", source="a\u202eb"), ValueError, "invalid_parameter"),
                                  (lambda: client.update("p0"), TypeError, None),

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/drawing/match_drawing.h"
 
 namespace pliant {
 namespace {
@@ -159,6 +160,40 @@ TEST(Drawing, ManyThreadsWriteTheSame) {
   }
   for (std::thread& thread : threads) thread.join();
   for (const Image& image : drawn) EXPECT_EQ(image.pixels, alone.pixels);
+}
+
+// The number of pixels of the sheet, from this row on, that have the colour.
+int CountOf(const Image& sheet, int top, Colour colour) {
+  int count = 0;
+  for (int y = top; y < sheet.height; ++y) {
+    for (int x = 0; x < sheet.width; ++x) count += At(sheet, x, y) == colour ? 1 : 0;
+  }
+  return count;
+}
+
+TEST(Drawing, MatchesHaveALegendOfWhatIsThere) {
+  const Image image = BlankImage(200, 100);
+  const std::vector<DrawnMatch> matches = {{{20, 20}, {30, 30}, Verdict::kTrue},
+                                           {{40, 60}, {50, 70}, Verdict::kFalse}};
+  const Image sheet = DrawMatches(image, image, matches, {}, "2 matches");
+  constexpr Colour kTrue{0, 114, 178}, kFalse{230, 159, 0}, kUnknown{204, 121, 167};
+  EXPECT_GT(CountOf(sheet, 101, kTrue), 20);
+  EXPECT_GT(CountOf(sheet, 101, kFalse), 20);
+  EXPECT_EQ(CountOf(sheet, 101, kUnknown), 0);
+  EXPECT_EQ(CountOf(sheet, 101, colours::kYellow), 0);
+  const std::vector<Vec2> outline = {{10, 10}, {90, 10}, {90, 90}};
+  EXPECT_GT(CountOf(DrawMatches(image, image, matches, outline, ""), 101, colours::kYellow), 20);
+}
+
+TEST(Drawing, NoCaptionIsCut) {
+  const Image image = BlankImage(150, 100);
+  const std::string caption =
+      "433 and 1333 keypoints, 121 mutual matches; of 80 on the object 60 are correct";
+  const Image sheet = DrawMatches(image, image, {}, {}, caption);
+  EXPECT_GE(sheet.height, DrawMatches(image, image, {}, {}, "short").height + 20);
+  for (int y = 100; y < sheet.height; ++y) {
+    EXPECT_EQ(At(sheet, sheet.width - 4, y), colours::kWhite) << "the margin at " << y;
+  }
 }
 
 TEST(Drawing, ColoursDiffer) {

@@ -47,6 +47,16 @@ std::string FoundAs(Engine& engine, std::uint64_t seed) {
   return engine.Search(RandomPng(seed), {}).hits.at(0).object;
 }
 
+void AddToWinter(Engine& engine, const std::vector<std::uint8_t>& bytes, const std::string& object,
+                 const std::string& id) {
+  AddRequest add;
+  add.collection = "winter";
+  add.bytes = bytes;
+  add.object = object;
+  add.id = id;
+  engine.Add(add);
+}
+
 TEST(MergeMetadata, IsAMergePatch) {
   EXPECT_EQ(MergeMetadata(R"({"a":1,"b":{"c":2,"d":3}})", R"({"b":{"c":null},"e":[1]})"),
             R"({"a":1,"b":{"d":3},"e":[1]})");
@@ -174,6 +184,70 @@ TEST_F(EngineTest, TwoObjectsBecomeOneWhicheverIsLarger) {
   for (const int seed : {1, 3, 9, 10}) EXPECT_EQ(FoundAs(engine, seed), "small") << seed;
   const SearchResult grouped = engine.Search(RandomPng(1), {});
   EXPECT_EQ(grouped.total, 1u) << "the index in memory knows one object";
+  EXPECT_THAT(engine.Check(), IsEmpty());
+}
+
+TEST_F(EngineTest, AnImageAndAnObjectMoveToAnotherCollection) {
+  for (const bool files : {false, true}) {
+    EngineOptions options = Options();
+    options.database = Database(folder_ / (files ? "files.db" : "a.db"));
+    if (files) options.originals_dir = folder_ / "originals";
+    Engine engine(options);
+    AddMany(engine, 6);  // o1 = p1, p2; o2 = p3, p4; o3 = p5, p6
+    Train(engine, 40);
+    engine.CreateCollection("winter");
+    AddToWinter(engine, RandomPng(20), "o2", "q1");
+    TrainOptions train;
+    train.collection = "winter";
+    train.words = 10;
+    engine.TrainVocabulary(train);
+    const int described = descriptor_->calls;
+    ImageChange move = Metadata(R"({"a":1})");
+    move.collection = "winter";
+    const ImageRecord now = engine.Change("default", "p1", move);
+    EXPECT_EQ(now.collection + now.object + now.metadata, R"(wintero1{"a":1})");
+    ObjectChange all = Name("o2");
+    all.collection = "winter";
+    ExpectError(ErrorCode::kConflict, "object_exists",
+                [&] { engine.ChangeObject("default", "o2", all); });
+    all.merge = true;
+    EXPECT_EQ(engine.ChangeObject("default", "o2", all).images, 3U);
+    EXPECT_EQ(descriptor_->calls, described) << "nothing is described again";
+    EXPECT_THAT(Objects(engine), ElementsAre("o1:1", "o3:2"));
+    EXPECT_EQ(engine.GetCollection("winter").images, 4U);
+    EXPECT_EQ(engine.GetCollection("default").images, 3U);
+    EXPECT_EQ(engine.GetContent("winter", "p3"), RandomPng(3));
+    SearchOptions there;
+    there.collection = "winter";
+    EXPECT_EQ(engine.Search(RandomPng(3), there).hits.at(0).object, "o2");
+    EXPECT_EQ(engine.Search(RandomPng(1), there).hits.at(0).image_id, "p1");
+    for (const Hit& hit : engine.Search(RandomPng(3), {}).hits) EXPECT_NE(hit.object, "o2");
+    EXPECT_EQ(FoundAs(engine, 5), "o3");
+    EXPECT_THAT(engine.Check(), IsEmpty());
+    EXPECT_EQ(engine.SweepOriginals(), 0U);
+    EXPECT_THAT(Engine(options).Check(), IsEmpty()) << "as loaded again";
+  }
+}
+
+TEST_F(EngineTest, AMoveThatIsRefusedMovesNothing) {
+  Engine engine(Options());
+  AddMany(engine, 2);  // o1 = p1, p2
+  engine.CreateCollection("winter");
+  AddToWinter(engine, RandomPng(9), "other", "p2");
+  ObjectChange all = Name("o1");
+  all.collection = "winter";
+  ExpectError(ErrorCode::kConflict, "image_exists",
+              [&] { engine.ChangeObject("default", "o1", all); });
+  ImageChange move;
+  move.collection = "winter";
+  ExpectError(ErrorCode::kConflict, "image_exists", [&] { engine.Change("default", "p2", move); });
+  move.collection = all.collection = "nowhere";
+  ExpectError(ErrorCode::kNotFound, "collection_not_found",
+              [&] { engine.Change("default", "p1", move); });
+  ExpectError(ErrorCode::kNotFound, "collection_not_found",
+              [&] { engine.ChangeObject("default", "o1", all); });
+  EXPECT_THAT(Objects(engine), ElementsAre("o1:2"));
+  EXPECT_EQ(engine.GetCollection("winter").images, 1U);
   EXPECT_THAT(engine.Check(), IsEmpty());
 }
 

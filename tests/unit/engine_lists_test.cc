@@ -230,6 +230,128 @@ TEST_F(ListsTest, ObjectsComeInAnyOrderWithTheirImages) {
       << "objects, not images";
 }
 
+TEST_F(ListsTest, NamesComeInNaturalOrder) {
+  Engine engine(Options());
+  const std::vector<std::uint8_t> png = RandomPng(1);
+  const std::vector<std::string> names = {
+      "Photo 010", "Photo 9 (2)", "Photo 9 (10)",     "Photo", "Photo 10", "a12345678901234",
+      "0",         "00x",         "a12345678901235b", "-1",    "Ü 2",      "Ü 11"};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    AddRequest add;
+    add.bytes = png;
+    add.id = std::string(1, static_cast<char>('a' + i));
+    add.object = add.source = names[i];
+    engine.Add(add);
+  }
+  const std::vector<std::string> wanted = {
+      "-1",           "0",         "00x",      "Photo",           "Photo 9 (2)",
+      "Photo 9 (10)", "Photo 010", "Photo 10", "a12345678901234", "a12345678901235b",
+      "Ü 2",          "Ü 11"};
+  const auto name_of = [&](const std::string& id) {
+    return names.at(static_cast<std::size_t>(id[0] - 'a'));
+  };
+  for (const bool descending : {false, true}) {
+    std::vector<std::string> expected = wanted;
+    if (descending) std::reverse(expected.begin(), expected.end());
+    for (const ImageOrder order : {ImageOrder::kObject, ImageOrder::kSource}) {
+      ImageListing list;
+      list.order = order;
+      list.descending = descending;
+      std::vector<std::string> seen;
+      for (const std::string& id : Walk(engine, list, 1)) seen.push_back(name_of(id));
+      EXPECT_EQ(seen, expected);
+    }
+    ObjectListing list;
+    list.descending = descending;
+    list.limit = 1;
+    std::vector<std::string> seen;
+    do {
+      const ObjectPage page = engine.ListPage(list);
+      seen.push_back(page.records.at(0).record.object);
+      list.after = page.next.value_or("");
+    } while (!list.after.empty());
+    EXPECT_EQ(seen, expected);
+  }
+}
+
+TEST_F(ListsTest, ImagesComeInTheOrderOfAFieldOfTheirMetadata) {
+  Engine engine(Options());
+  const std::vector<std::uint8_t> png = RandomPng(1);
+  // In this order; the first six are equal.
+  const std::vector<std::string> metadata = {"{}",
+                                             R"({"v":null})",
+                                             R"({"v":[1]})",
+                                             R"({"v":{"v":1}})",
+                                             R"({"other":1})",
+                                             R"({"v":[]})",
+                                             R"({"v":false})",
+                                             R"({"v":true})",
+                                             R"({"v":-1e300})",
+                                             R"({"v":-10})",
+                                             R"({"v":-9.5})",
+                                             R"({"v":0})",
+                                             R"({"v":2})",
+                                             R"({"v":10})",
+                                             R"({"v":18446744073709551615})",
+                                             R"({"v":1e300})",
+                                             R"({"v":""})",
+                                             R"({"v":"\u0000"})",
+                                             R"({"v":"\u0001"})",
+                                             R"({"v":"10"})",
+                                             R"({"v":"A 2"})",
+                                             R"({"v":"A 10"})",
+                                             R"({"v":"a"})",
+                                             R"({"v":"ü"})"};
+  std::vector<std::string> ids;
+  for (std::size_t i = 0; i < metadata.size(); ++i) {
+    AddRequest add;
+    add.bytes = png;
+    add.id = (i < 6 ? "a" : std::string(1, static_cast<char>('z' - i))) + std::to_string(i);
+    add.metadata = metadata[i];
+    engine.Add(add);
+    ids.push_back(*add.id);
+  }
+  ImageListing list;
+  list.order = ImageOrder::kMetadata;
+  list.order_key = "v";
+  EXPECT_EQ(Walk(engine, list, 1), ids);
+  EXPECT_EQ(Walk(engine, list, 50), ids);
+  std::reverse(ids.begin(), ids.end());
+  list.descending = true;
+  EXPECT_EQ(Walk(engine, list, 1), ids);
+}
+
+TEST_F(ListsTest, TextIsFoundByItsBeginningAndByAPart) {
+  Engine engine(Options());
+  const std::vector<std::uint8_t> png = RandomPng(1);
+  const std::map<std::string, std::string> all = {{"a", R"({"v":"MÜTZE 10%"})"},
+                                                  {"b", R"({"v":["red","Mützenband"]})"},
+                                                  {"c", R"({"v":"die mütze"})"},
+                                                  {"d", R"({"v":10})"},
+                                                  {"e", "{}"}};
+  for (const auto& [id, metadata] : all) {
+    AddRequest add;
+    add.bytes = png;
+    add.id = id;
+    add.metadata = metadata;
+    engine.Add(add);
+  }
+  for (const std::string filter :
+       {R"({"v":{"prefix":"mütze"}})", R"({"v":{"contains":"mütze"}})",
+        R"({"v":{"contains":"0%"}})", R"({"v":{"prefix":"1"}})",
+        R"({"v":{"prefix":"RED","contains":"band"}})", R"({"v":{"prefix":"m","ne":"red"}})",
+        R"({"not":{"v":{"contains":"m"}}})", R"({"v":{"in":["red"],"prefix":"r"}})",
+        R"({"v":{"contains":"\u0000"}})"}) {
+    ImageListing list;
+    list.which.filter = ParseFilter(filter);
+    std::vector<std::string> expected;
+    for (const auto& [id, metadata] : all) {
+      if (Passes(list.which.filter, metadata)) expected.push_back(id);
+    }
+    EXPECT_EQ(Walk(engine, list, 10), expected) << filter;
+  }
+}
+
 TEST_F(ListsTest, RemovesWhatIsSelectedAndNoMore) {
   Engine engine(Options());
   Fill(engine);

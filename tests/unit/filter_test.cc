@@ -96,6 +96,19 @@ TEST(Filter, OneEntryOfAListIsEnoughAndAllKeysMustHold) {
   EXPECT_FALSE(Passes(ParseFilter(R"({"a": 1})"), "no JSON"));
 }
 
+TEST(Filter, TextByItsBeginningOrAPart) {
+  EXPECT_TRUE(Pass(R"({"v": {"prefix": "mü"}})", R"({"v": "MÜTZE"})"));
+  EXPECT_FALSE(Pass(R"({"v": {"prefix": "tze"}})", R"({"v": "MÜTZE"})"));
+  EXPECT_TRUE(Pass(R"({"v": {"contains": "tZe"}})", R"({"v": ["x", "MÜTZE"]})"));
+  EXPECT_FALSE(Pass(R"({"v": {"contains": "%"}})", R"({"v": "MÜTZE"})"));
+  EXPECT_FALSE(Pass(R"({"v": {"contains": "1"}})", R"({"v": 10})")) << "a number is no text";
+  EXPECT_FALSE(Pass(R"({"v": {"prefix": "r", "contains": "b"}})", R"({"v": ["red", "ab"]})"));
+  EXPECT_FALSE(Pass(R"({"v": {"contains": "x"}})", "{}"));
+  for (const char* filter : {R"({"v": {"prefix": 1}})", R"({"v": {"contains": ""}})"}) {
+    ExpectError(ErrorCode::kInvalidArgument, "filter_invalid", [&] { ParseFilter(filter); });
+  }
+}
+
 TEST(Filter, NotEqual) {
   const std::string ne = R"({"colour": {"ne": "red"}})";
   EXPECT_TRUE(Pass(ne, R"({"colour": "blue"})"));

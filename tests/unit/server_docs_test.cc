@@ -93,7 +93,8 @@ TEST(ServerReference, ListsEveryProblemCode) {
 TEST(ServerReference, ListsEveryMetric) {
   Metrics metrics;
   metrics.OnRequest({});
-  metrics.OnSearch({});
+  metrics.OnSearch({}, "shop");
+  metrics.OnAdd({}, "shop");
   EngineStats stats;
   stats.vocabulary.emplace();
   std::set<std::string> expected;
@@ -104,6 +105,18 @@ TEST(ServerReference, ListsEveryMetric) {
   }
   EXPECT_GT(expected.size(), 10U);
   EXPECT_EQ(FirstGroups(Section("flags.md", "Metrics"), R"(\| (`[a-z_]+` \| [^|]* \|))"), expected);
+}
+
+TEST(Metrics, CountsByCollectionWithALimit) {
+  Metrics metrics;
+  for (int i = 0; i < 150; ++i) metrics.OnSearch({}, "c" + std::to_string(i));
+  metrics.OnSearch({}, "c7");
+  metrics.OnAdd({}, "c120");
+  const std::string text = metrics.Text({});
+  EXPECT_THAT(text, testing::HasSubstr("pliant_searches_total{collection=\"c7\"} 2"));
+  EXPECT_THAT(text, testing::HasSubstr("pliant_searches_total{collection=\"(other)\"} 50"));
+  EXPECT_THAT(text, testing::HasSubstr("pliant_images_added_total{collection=\"(other)\"} 1"));
+  EXPECT_THAT(text, testing::Not(testing::HasSubstr("\"c100\"")));
 }
 
 TEST(Metrics, KeepsOneVocabularyAtATime) {

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/strings.h"
+#include "descriptor/base/utf8.h"
+#include "index/files/text.h"
 #include "index/records/filter_value.h"
 #include "index/store/facet_count.h"
 
@@ -14,22 +16,6 @@ namespace pliant::postgres {
 namespace {
 
 using Json = nlohmann::json;
-
-// PostgreSQL's JSON has no U+0000: as the function pliant_escaped has it (schema.cc). Injective,
-// and keeps the order of bytes.
-std::string Escaped(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    if (c == '\0') {
-      escaped += "\1\1";
-    } else if (c == '\1') {
-      escaped += "\1\2";
-    } else {
-      escaped += c;
-    }
-  }
-  return escaped;
-}
 
 std::string Unescaped(const std::string& text) {
   std::string plain;
@@ -47,7 +33,7 @@ Json JsonOf(const FilterValue& value) {
         if constexpr (std::is_same_v<One, std::monostate>) {
           return nullptr;
         } else if constexpr (std::is_same_v<One, std::string>) {
-          return Escaped(one);
+          return EscapedNul(one);
         } else {
           return one;
         }
@@ -98,10 +84,17 @@ class Writing {
     const std::string compare = std::string(" ") + order + (bound.inclusive ? "= " : " ");
     if (const auto* text = std::get_if<std::string>(&bound.value)) {
       return "CASE jsonb_typeof(e.x) WHEN 'string' THEN (e.x #>> '{}') COLLATE \"C\"" + compare +
-             query_.Bind(Escaped(*text)) + " ELSE FALSE END";
+             query_.Bind(EscapedNul(*text)) + " ELSE FALSE END";
     }
     return "CASE jsonb_typeof(e.x) WHEN 'number' THEN CAST(e.x #>> '{}' AS numeric)" + compare +
            "CAST(" + query_.Bind(JsonOf(bound.value).dump()) + " AS numeric) ELSE FALSE END";
+  }
+
+  // In any case, as FoldCase does it. `where`: the place, from 1.
+  std::string Occurs(const std::string& text, const char* where) {
+    return "CASE jsonb_typeof(e.x) WHEN 'string' THEN strpos(lower(upper((e.x #>> '{}') COLLATE "
+           "pliant_fold)), " +
+           query_.Bind(EscapedNul(EncodeUtf8(FoldCase(text)))) + ") " + where + " ELSE FALSE END";
   }
 
   // An entry of the value, or the value itself, passes all of the tests.
@@ -116,21 +109,25 @@ class Writing {
     }
     if (condition.from) tests.push_back(Bound(*condition.from, ">"));
     if (condition.to) tests.push_back(Bound(*condition.to, "<"));
+    if (condition.prefix) tests.push_back(Occurs(*condition.prefix, "= 1"));
+    if (condition.contains) tests.push_back(Occurs(*condition.contains, "> 0"));
     return "EXISTS (SELECT 1 FROM jsonb_array_elements(CASE jsonb_typeof(" + value +
            ") WHEN 'array' THEN " + value + " ELSE jsonb_build_array(" + value +
            ") END) AS e(x) WHERE " + InBrackets(tests, " AND ") + ")";
   }
 
   std::string One(const FilterCondition& condition) {
-    const std::string key = Escaped(condition.key);
+    const std::string key = EscapedNul(condition.key);
     const std::string value = "(" + fields_ + " -> " + query_.Bind(key) + ")";
     if (condition.exists && !*condition.exists) return "(" + value + " IS NULL)";
     std::vector<std::string> parts{value + " IS NOT NULL"};
     if (condition.not_equal) parts.push_back("NOT " + Has(key, *condition.not_equal));
-    if (condition.from || condition.to) {
-      parts.push_back(EntryPasses(condition, value));
-    } else if (condition.any_of) {
+    const bool only_equality =
+        !(condition.from || condition.to || condition.prefix || condition.contains);
+    if (condition.any_of && only_equality) {
       parts.push_back(HasAny(key, *condition.any_of));
+    } else if (condition.tests_entries()) {
+      parts.push_back(EntryPasses(condition, value));
     }
     return InBrackets(parts, " AND ");
   }
@@ -143,7 +140,7 @@ class Writing {
 
 Facet CountFacet(Connection& db, const Query& listed, const std::string& key) {
   Query query = listed;
-  const std::string value = "(metadata -> " + query.Bind(Escaped(key)) + ")";
+  const std::string value = "(metadata -> " + query.Bind(EscapedNul(key)) + ")";
   const std::string from = "FROM (" + listed.sql + ") AS listed ";
   Query items = query;
   items.sql = "SELECT count(DISTINCT item), count(DISTINCT item) FILTER (WHERE " + value +
@@ -174,6 +171,25 @@ Facet CountFacet(Connection& db, const Query& listed, const std::string& key) {
 
 std::string FilterSql(Query& query, const std::string& table, const Filter& filter) {
   return Writing(query, table).All(filter);
+}
+
+std::string NaturalKeySql(const std::string& text) {
+  return "(SELECT string_agg(m[1] || CASE m[2] WHEN '' THEN '' ELSE "
+         "lpad(CAST(length(ltrim(m[2], '0')) AS text), 5, '0') || ltrim(m[2], '0') END, '') "
+         "FROM regexp_matches(" +
+         text + ", '([^0-9]*)([0-9]*)', 'g') m) COLLATE \"C\"";
+}
+
+std::string MetadataOrderSql(Query& query, const std::string& table, const std::string& key) {
+  const std::string value = table + ".fields -> " + query.Bind(EscapedNul(key));
+  const std::string number = "(CAST(v #>> '{}' AS double precision) + 0)";
+  const std::string bits = "encode(float8send(" + number + "), 'hex')";
+  return "(SELECT CASE jsonb_typeof(v) WHEN 'boolean' THEN '1' || left(v #>> '{}', 1) "
+         "WHEN 'number' THEN CASE WHEN " +
+         number + " < 0 THEN '2n' || translate(" + bits +
+         ", '0123456789abcdef', 'fedcba9876543210') ELSE '2p' || " + bits +
+         " END WHEN 'string' THEN '3' || " + NaturalKeySql("v #>> '{}'") +
+         " ELSE '0' END FROM (SELECT " + value + " AS v) AS one) COLLATE \"C\"";
 }
 
 }  // namespace pliant::postgres

@@ -15,6 +15,10 @@ namespace pliant::postgres {
 // (filter.h). Equality is looked up in the index on `fields`.
 std::string FilterSql(Query& query, const std::string& table, const Filter& filter);
 
+// NaturalKey (index/files/text.h) and MetadataOrder (filter.h) as SQL.
+std::string NaturalKeySql(const std::string& text);
+std::string MetadataOrderSql(Query& query, const std::string& table, const std::string& key);
+
 // Connection::CountFacets, of one key.
 Facet CountFacet(Connection& db, const Query& listed, const std::string& key);
 

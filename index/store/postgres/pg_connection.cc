@@ -538,6 +538,15 @@ std::string PgConnection::Contains(Query& query, const std::string& text,
   return "(" + all + ")";
 }
 
+std::string PgConnection::NaturalKeyOf(const std::string& text) const {
+  return NaturalKeySql(text);
+}
+
+std::string PgConnection::MetadataOrderOf(Query& query, const std::string& table,
+                                          const std::string& key) const {
+  return MetadataOrderSql(query, table, key);
+}
+
 std::unique_ptr<Statement> PgConnection::Make(const std::string& sql, bool kept) {
   return std::make_unique<PgStatement>(this, sql, kept);
 }

@@ -96,6 +96,10 @@ class PgConnection : public Connection {
   std::string Contains(Query& query, const std::string& text,
                        const std::vector<std::string>& columns) const override;
 
+  std::string NaturalKeyOf(const std::string& text) const override;
+  std::string MetadataOrderOf(Query& query, const std::string& table,
+                              const std::string& key) const override;
+
   bool IsStandby() const;
   // Connected, and the monitor has not lost the server since.
   bool IsGood() const override;

@@ -197,6 +197,10 @@ class Connection {
   // `images` (p) or `objects` (o).
   virtual std::string Contains(Query& query, const std::string& text,
                                const std::vector<std::string>& columns) const = 0;
+  // NaturalKey (index/files/text.h) of a text, and MetadataOrder (records/filter.h) of `table`.
+  virtual std::string NaturalKeyOf(const std::string& text) const = 0;
+  virtual std::string MetadataOrderOf(Query& query, const std::string& table,
+                                      const std::string& key) const = 0;
 
  protected:
   // `kept`: it will run again. Otherwise another one that is not kept can replace it after its run.

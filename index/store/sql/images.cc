@@ -93,7 +93,7 @@ Key InsertImage(Connection& db, Key collection, const ImageRow& image) {
       .Int(0);
 }
 
-void MoveImage(Connection& db, Key collection, const ImageRow& image, Key object) {
+Key MoveImage(Connection& db, Key collection, const ImageRow& image, Key object) {
   // Two rows may not have one id; no image's is empty.
   db.Prepare("UPDATE images SET id = '' WHERE key = ?").Bind(image.key).Run();
   ImageRow moved = image;
@@ -105,6 +105,7 @@ void MoveImage(Connection& db, Key collection, const ImageRow& image, Key object
         .Run();
   }
   DeleteImage(db, image);
+  return key;
 }
 
 void DeleteImage(Connection& db, const ImageRow& image) {

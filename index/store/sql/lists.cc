@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
+#include "index/files/text.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/originals.h"
 #include "index/store/sql/rows.h"
@@ -54,14 +54,14 @@ std::optional<ListPlace> ReadPlace(bool is_text, const std::string& text) {
   return place;
 }
 
-// A column that lists are in order of, as SQL, and whether it is text.
+// What lists are in order of, as SQL, and whether it is text.
 struct OrderColumn {
-  const char* sql;
+  std::string sql;
   bool is_text;
 };
 
-OrderColumn ColumnOf(ImageOrder order) {
-  switch (order) {
+OrderColumn ColumnOf(Connection& db, const ImageListing& list, Query& query) {
+  switch (list.order) {
     case ImageOrder::kId:
       break;
     case ImageOrder::kCreated:
@@ -69,14 +69,16 @@ OrderColumn ColumnOf(ImageOrder order) {
     case ImageOrder::kUpdated:
       return {"p.updated_ms", false};
     case ImageOrder::kObject:
-      return {"coalesce(o.name, '')", true};
+      return {db.NaturalKeyOf("coalesce(o.name, '')"), true};
     case ImageOrder::kSource:
-      return {"p.source", true};
+      return {db.NaturalKeyOf("p.source"), true};
+    case ImageOrder::kMetadata:
+      return {db.MetadataOrderOf(query, "p", list.order_key), true};
   }
   return {"p.id", true};
 }
 
-OrderColumn ColumnOf(ObjectOrder order) {
+OrderColumn ColumnOf(Connection& db, ObjectOrder order) {
   switch (order) {
     case ObjectOrder::kName:
       break;
@@ -87,7 +89,7 @@ OrderColumn ColumnOf(ObjectOrder order) {
     case ObjectOrder::kImages:
       return {"images", false};
   }
-  return {"name", true};
+  return {db.NaturalKeyOf("name"), true};
 }
 
 struct Place {
@@ -97,7 +99,7 @@ struct Place {
 };
 
 Cursor PreparePage(Connection& db, const Place& place, Query query) {
-  const bool is_tie = std::string_view(place.column.sql) == place.tie;
+  const bool is_tie = place.column.sql == place.tie;
   if (const auto after = ReadPlace(place.column.is_text, place.page.after)) {
     const std::string beyond = place.page.descending ? " < " : " > ";
     const std::string tie = query.Bind(after->tie);
@@ -107,12 +109,12 @@ Cursor PreparePage(Connection& db, const Place& place, Query query) {
     } else {
       const std::string value =
           place.column.is_text ? query.Bind(after->text) : query.Bind(after->number);
-      query.sql += std::string("(") + place.column.sql + ", " + place.tie + ")" + beyond + "(" +
-                   value + ", " + tie + ")";
+      query.sql +=
+          "(" + place.column.sql + ", " + place.tie + ")" + beyond + "(" + value + ", " + tie + ")";
     }
   }
   const std::string direction = place.page.descending ? " DESC" : "";
-  query.sql += std::string(" ORDER BY ") + place.column.sql + direction;
+  query.sql += " ORDER BY " + place.column.sql + direction;
   if (!is_tie) query.sql += std::string(", ") + place.tie + direction;
   // One more says that there is another page.
   query.sql += " LIMIT " + query.Bind(std::int64_t{place.page.limit} + 1);
@@ -180,13 +182,15 @@ constexpr const char* kSelectObjects =
 
 constexpr const char* kFromImages = " FROM images p LEFT JOIN objects o ON o.key = p.object ";
 
-ImageRecord ReadImage(const Cursor& row, ImageOrder order, ListPlace* place) {
+ImageRecord ReadImage(const Cursor& row, const ImageListing& list, ListPlace* place) {
   ImageRecord record = ToImage(row).record;
   place->tie = record.id;
-  place->text = order == ImageOrder::kObject   ? record.object
-                : order == ImageOrder::kSource ? record.source
-                                               : record.id;
-  place->number = order == ImageOrder::kUpdated ? record.updated_ms : record.added_ms;
+  place->text = list.order == ImageOrder::kObject   ? NaturalKey(record.object)
+                : list.order == ImageOrder::kSource ? NaturalKey(record.source)
+                : list.order == ImageOrder::kMetadata
+                    ? MetadataOrder(record.metadata, list.order_key)
+                    : record.id;
+  place->number = list.order == ImageOrder::kUpdated ? record.updated_ms : record.added_ms;
   return record;
 }
 
@@ -196,7 +200,8 @@ ListedObject ReadObject(const Cursor& row, ObjectOrder order, ListPlace* place) 
   if (!row.IsNull(2)) object.image_id = row.Text(2);
   object.created_ms = row.Int(3);
   object.updated_ms = row.Int(4);
-  place->tie = place->text = object.record.object;
+  place->tie = object.record.object;
+  place->text = NaturalKey(place->tie);
   place->number = order == ObjectOrder::kImages    ? row.Int(1)
                   : order == ObjectOrder::kUpdated ? object.updated_ms
                                                    : object.created_ms;
@@ -234,10 +239,11 @@ std::uint64_t DeleteImagesWhere(Connection& db, Key collection, const Selection&
 
 ImagePage SelectImagePage(Connection& db, Key collection, const ImageListing& list) {
   ImagePage page;
+  Query query = ImagesOf(db, kSelectImage, collection, list.which);
+  const OrderColumn column = ColumnOf(db, list, query);
   ReadPage(
-      db, {ColumnOf(list.order), "p.id", list}, ImagesOf(db, kSelectImage, collection, list.which),
-      [&](const Cursor& row, ListPlace* place) { return ReadImage(row, list.order, place); },
-      &page);
+      db, {column, "p.id", list}, query,
+      [&](const Cursor& row, ListPlace* place) { return ReadImage(row, list, place); }, &page);
   const auto select = [&](const std::string& columns) {
     return ImagesOf(db, "SELECT " + columns + kFromImages, collection, list.which);
   };
@@ -284,7 +290,7 @@ ObjectPage Catalogue::ListObjectPage(const ObjectListing& list) {
         ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection, list.which);
     query.sql += ") AS listed WHERE TRUE";
     ReadPage(
-        db, {ColumnOf(list.order), "name", list}, query,
+        db, {ColumnOf(db, list.order), "name", list}, query,
         [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
         &page);
     if (list.count) {

@@ -77,9 +77,10 @@ Key KeyOfImage(Connection& db, Key collection, const std::string& id);  // 0 = n
 std::optional<ImageRow> FindImageByKey(Connection& db, Key key);
 // Inserts `image.record` with `image.object` as its object. Returns the new key.
 Key InsertImage(Connection& db, Key collection, const ImageRow& image);
-// Moves the image to `object` (0 = none), with its features, words and original. It gets a new key,
-// so that indexes in memory notice. Also removes an object without images.
-void MoveImage(Connection& db, Key collection, const ImageRow& image, Key object);
+// Moves the image to `object` (0 = none) of the collection, with its features, words and original.
+// It gets a new key, which this returns, so that indexes in memory notice. Also removes an object
+// without images.
+Key MoveImage(Connection& db, Key collection, const ImageRow& image, Key object);
 // Also removes an object that has no image left.
 void DeleteImage(Connection& db, const ImageRow& image);
 std::vector<std::uint8_t> ReadFeaturesBlob(Connection& db, Key image);  // or kCorrupt

@@ -10,6 +10,7 @@
 #include "descriptor/base/unix_time.h"
 #include "index/files/names.h"
 #include "index/files/text.h"
+#include "index/store/blob_codec.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
 #include "index/store/sql/originals.h"
@@ -39,21 +40,62 @@ std::uint64_t StoredBytes(Connection& db, const ImageRow& image) {
   return static_cast<std::uint64_t>(row.Bind(image.key).One().Int(0));
 }
 
+// Moves the images to other collections, where they get words of the active vocabulary.
+class CollectionMove {
+ public:
+  CollectionMove(Connection& db, const CollectionRow& to) : db_(db), to_(to) {
+    if (to.active_vocabulary != 0) quantizer_.emplace(ReadVocabulary(db, to.active_vocabulary));
+  }
+
+  // Throws kConflict "image_exists".
+  void Move(const ImageRow& image, Key object) {
+    if (KeyOfImage(db_, to_.key, image.record.id) != 0) {
+      throw Error(ErrorCode::kConflict, "image_exists",
+                  "The collection \"" + to_.name + "\" already has an image \"" + image.record.id +
+                      "\". Nothing was moved.");
+    }
+    const Key key = MoveImage(db_, to_.key, image, object);
+    db_.Prepare("DELETE FROM image_words WHERE image = ?").Bind(key).Run();
+    if (!quantizer_) return;
+    const Features features = DecodeFeatures(ReadFeaturesBlob(db_, key));
+    InsertImageWords(db_, to_.active_vocabulary, key,
+                     quantizer_->Assign(features.descriptors, /*threads=*/1));
+  }
+
+ private:
+  Connection& db_;
+  const CollectionRow& to_;
+  std::optional<Quantizer> quantizer_;
+};
+
+std::vector<ImageRow> ImagesOfObject(Access& access, Connection& db, Key object) {
+  std::vector<ImageRow> images;
+  Cursor row = db.Prepare(kSelectImage + "WHERE p.object = ? ORDER BY p.id");
+  row.Bind(object);
+  while (row.Next()) images.push_back(ToImage(row));
+  std::uint64_t bytes = 0;
+  for (const ImageRow& image : images) bytes += StoredBytes(db, image);
+  access.RequireSpace(bytes);
+  return images;
+}
+
+void MoveObject(Access& access, Connection& db, Key object, const CollectionRow& to,
+                const std::string& name) {
+  CollectionMove move(db, to);
+  for (ImageRow image : ImagesOfObject(access, db, object)) {
+    image.record.updated_ms = NowMs();
+    move.Move(image, FindOrInsertObject(db, to.key, name));
+  }
+}
+
 // The smaller of the two moves into the larger; the object that is left has the name.
 void Merge(Access& access, Connection& db, Key collection, Key one, Key other,
            const std::string& name) {
   const bool into_one = CountImagesOf(db, one) >= CountImagesOf(db, other);
   const Key kept = into_one ? one : other;
   const Key gone = into_one ? other : one;
-  std::vector<ImageRow> moved;
-  Cursor row = db.Prepare(kSelectImage + "WHERE p.object = ? ORDER BY p.id");
-  row.Bind(gone);
-  while (row.Next()) moved.push_back(ToImage(row));
-  std::uint64_t bytes = 0;
-  for (const ImageRow& image : moved) bytes += StoredBytes(db, image);
-  access.RequireSpace(bytes);
   // The last image to go takes its object along, and with it the name.
-  for (ImageRow image : moved) {
+  for (ImageRow image : ImagesOfObject(access, db, gone)) {
     image.record.updated_ms = NowMs();
     MoveImage(db, collection, image, kept);
   }
@@ -70,7 +112,8 @@ void CheckObjectNow(Connection& db, Key collection, const ObjectRecord& now,
 }
 
 bool SameRecord(const ImageRecord& a, const ImageRecord& b) {
-  return a.object == b.object && a.metadata == b.metadata && a.source == b.source;
+  return a.collection == b.collection && a.object == b.object && a.metadata == b.metadata &&
+         a.source == b.source;
 }
 
 void Change(Access& access, Connection& db, Key collection, ImageRow image,
@@ -81,10 +124,15 @@ void Change(Access& access, Connection& db, Key collection, ImageRow image,
         .Run();
   }
   image.record = changed;
-  const Key object = FindOrInsertObject(db, collection, changed.object);
-  if (object == image.object) return;
+  const CollectionRow to = RequireCollection(db, changed.collection);
+  const Key object = FindOrInsertObject(db, to.key, changed.object);
+  if (to.key == collection && object == image.object) return;
   access.RequireSpace(StoredBytes(db, image));
-  MoveImage(db, collection, image, object);
+  if (to.key == collection) {
+    MoveImage(db, collection, image, object);
+  } else {
+    CollectionMove(db, to).Move(image, object);
+  }
 }
 
 }  // namespace
@@ -211,6 +259,7 @@ ImageRecord Writer::ChangeImage(const std::string& collection, const std::string
     changed = image.record;
     if (change.object) changed.object = *change.object;
     if (change.source) changed.source = *change.source;
+    if (change.collection) changed.collection = RequireCollection(db, *change.collection).name;
     if (change.metadata) changed.metadata = MergeMetadata(changed.metadata, *change.metadata);
     if (!SameRecord(changed, image.record)) changed.updated_ms = NowMs();
     Change(access_, db, RequireCollection(db, collection).key, image, changed);
@@ -231,24 +280,27 @@ ObjectRecord Writer::ChangeObject(const std::string& collection, const std::stri
     }
     changed = {object, CountImagesOf(db, key)};
     if (change.check) CheckObjectNow(db, in, changed, change.check);
-    if (change.name == object) return;
+    const CollectionRow to = RequireCollection(db, change.collection.value_or(collection));
+    const Key taken = FindObject(db, to.key, change.name);
+    if (taken == key) return;
     changed.object = change.name;
-    const Key taken = FindObject(db, in, change.name);
-    if (taken == 0) {
-      RenameObject(db, key, change.name);
-      return;
-    }
-    const std::uint64_t there = CountImagesOf(db, taken);
-    if (!change.merge) {
+    const std::uint64_t there = taken == 0 ? 0 : CountImagesOf(db, taken);
+    if (there > 0 && !change.merge) {
       throw Error(ErrorCode::kConflict, "object_exists",
                   "The object \"" + Shown(change.name) + "\" already exists with " +
                       std::to_string(there) + (there == 1 ? " image" : " images") +
                       ". Use merge=true to merge the two.");
     }
-    Merge(access_, db, in, key, taken, change.name);
     changed.images += there;
+    if (to.key != in) {
+      MoveObject(access_, db, key, to, change.name);
+    } else if (taken == 0) {
+      RenameObject(db, key, change.name);
+    } else {
+      Merge(access_, db, in, key, taken, change.name);
+    }
   };
-  if (change.merge) {
+  if (change.merge || change.collection) {
     access_.Write(write, {.reclaim = true, .alone = true});  // as much may move as there is
   } else {
     access_.Write(write);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include <sqlite3.h>
@@ -22,6 +23,8 @@ namespace {
 // What SQL cannot say of a row, as functions of the connection:
 //   pliant_passes(metadata, FILTER)    whether the filter lets it pass
 //   pliant_contains(WORDS, text, ...)  whether each word occurs in one of the texts, in any case
+//   pliant_natural(text)               NaturalKey
+//   pliant_order(metadata, key)        MetadataOrder
 // FILTER and WORDS are numbers of bound values: a Filter, or FoldedText.
 using BoundPointers = std::map<std::int64_t, SqlPointer>;
 using FoldedText = std::vector<std::u32string>;  // as FoldedWords makes it
@@ -35,10 +38,15 @@ std::string_view TextOf(sqlite3_value* value) {
 }
 
 // No exception may pass through SQLite.
-template <typename Test>
-void Answer(sqlite3_context* context, const Test& test) noexcept {
+template <typename Make>
+void Answer(sqlite3_context* context, const Make& make) noexcept {
   try {
-    sqlite3_result_int(context, test() ? 1 : 0);
+    const auto result = make();
+    if constexpr (std::is_same_v<decltype(result), const std::string>) {
+      sqlite3_result_text64(context, result.data(), result.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+    } else {
+      sqlite3_result_int(context, result ? 1 : 0);
+    }
   } catch (const std::exception& error) {
     sqlite3_result_error(context, error.what(), -1);
   }
@@ -67,6 +75,14 @@ void ContainsFunction(sqlite3_context* context, int count, sqlite3_value** value
   });
 }
 
+void NaturalFunction(sqlite3_context* context, int /*count*/, sqlite3_value** values) {
+  Answer(context, [&] { return NaturalKey(TextOf(values[0])); });
+}
+
+void OrderFunction(sqlite3_context* context, int /*count*/, sqlite3_value** values) {
+  Answer(context, [&] { return MetadataOrder(TextOf(values[0]), std::string(TextOf(values[1]))); });
+}
+
 void AddRowTests(sqlite3* connection, BoundPointers* bound) {
   // Not "deterministic": what they look for changes from statement to statement.
   constexpr int kHow = SQLITE_UTF8 | SQLITE_DIRECTONLY;
@@ -77,6 +93,8 @@ void AddRowTests(sqlite3* connection, BoundPointers* bound) {
   };
   add("pliant_passes", 2, &PassesFunction);
   add("pliant_contains", -1, &ContainsFunction);
+  add("pliant_natural", 1, &NaturalFunction);
+  add("pliant_order", 2, &OrderFunction);
 }
 
 // SQLite reads a name that begins with "file:" as a URI; an absolute one never does.

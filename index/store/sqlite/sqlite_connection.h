@@ -55,6 +55,13 @@ class SqliteConnection : public Connection {
   std::string Passes(Query& query, const std::string& table, const Filter& filter) const override;
   std::string Contains(Query& query, const std::string& text,
                        const std::vector<std::string>& columns) const override;
+  std::string NaturalKeyOf(const std::string& text) const override {
+    return "pliant_natural(" + text + ")";
+  }
+  std::string MetadataOrderOf(Query& query, const std::string& table,
+                              const std::string& key) const override {
+    return "pliant_order(" + table + ".metadata, " + query.Bind(key) + ")";
+  }
   // The greatest key that was ever given to a row of the table.
   std::int64_t LastKey(const char* table);
 

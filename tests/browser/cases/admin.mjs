@@ -36,9 +36,19 @@ test("the first key closes the server, and the page goes on with it; others are 
   const read = await page.getByLabel("The new key").inputValue();
   assert.equal(await statusWith(own.address, read), 200);
   await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
-  await page.getByRole("button", { name: "Copy" }).click();
+  await page.getByRole("button", { name: "Copy", exact: true }).click();
   await house.waitForText(page, "#keys-new", /Copied/);
   assert.equal(await page.evaluate(() => navigator.clipboard.readText()), read);
+  await page.getByRole("button", { name: "Copy a link with the key" }).click();
+  await house.eventually(async () => assert.match(await page.evaluate(() => navigator.clipboard.readText()), /#\/search\?key=plk_/));
+  await house.waitForText(page, "#keys-loopback", /this computer only/);
+
+  // A colleague opens the link: the key works, and is in no address.
+  const colleague = await house.openPage(await page.evaluate(() => navigator.clipboard.readText()));
+  await colleague.waitForFunction(() => document.documentElement.dataset.scope === "read");
+  assert.equal(new URL(colleague.url()).hash, "#/search");
+  await colleague.locator("#key-button").waitFor();
+  await house.closePage(colleague);
 
   await page.getByRole("link", { name: "Collection", exact: true }).click();
   await page.locator("#view-keys").waitFor({ state: "hidden" });

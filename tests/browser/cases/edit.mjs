@@ -62,6 +62,49 @@ test("an object is renamed in place, with all its images", async () => {
   await house.closePage(page);
 });
 
+test("a rename can be undone: of an object, also on its page, of an image, and of a collection", async () => {
+  await prepare();
+  const page = await house.openPage(`${server.address}/#/objects`);
+  const undo = async () => {
+    await page.locator("#notices").getByRole("button", { name: "Undo" }).click();
+    await house.eventually(async () => assert.equal(await page.locator(".notice").count(), 0));
+  };
+  await page.getByRole("button", { name: "Edit mug", exact: true }).click();
+  await page.getByLabel("Name", { exact: true }).fill("tea mug");
+  await page.keyboard.press("Enter");
+  await house.waitForText(page, "#notices", /Renamed to tea mug/);
+  await house.checkAccessibility(page, "a rename with undo");
+  await house.shoot(page, "renamed");
+  await undo();
+  await card(page, "objects", /^mug/).waitFor();
+  assert.equal((await read("/objects/mug")).images, 2);
+
+  await page.goto(`${server.address}/#/object?name=mug`);
+  await page.getByRole("button", { name: "Edit mug", exact: true }).click();
+  await page.getByLabel("Name", { exact: true }).fill("pot");
+  await page.keyboard.press("Enter");
+  await house.waitForText(page, "#object-title", /pot/);
+  await undo();
+  await house.waitForText(page, "#object-title", /mug/);
+  assert.match(page.url(), /name=mug$/);
+
+  await page.goto(`${server.address}/#/images`);
+  await page.getByRole("button", { name: "Edit the image a of mug" }).click();
+  await page.locator("form.edit").getByLabel("Object", { exact: true }).fill("cup");
+  await page.getByRole("button", { name: "Save" }).click();
+  await house.waitForText(page, "#notices", /Renamed to cup/);
+  await undo();
+  assert.equal((await read("/images/a")).object, "mug");
+
+  await page.goto(`${server.address}/#/collection`);
+  await page.getByLabel("Name of this collection").fill("Summer");
+  await page.getByRole("button", { name: "Rename" }).click();
+  await house.waitForText(page, "#collection-title", /Summer/);
+  await undo();
+  await house.waitForText(page, "#collection-title", /default/);
+  await house.closePage(page);
+});
+
 test("what takes the name of something that is being deleted is not deleted with it", async () => {
   await prepare();
   const page = await house.openPage(`${server.address}/#/objects`);

@@ -55,6 +55,35 @@ test("the page asks for a key, uses it for everything, and forgets it when told"
   await page.context().close();
 });
 
+test("a key is kept on this device only for people who ask for that", async () => {
+  const own = await house.startServer();
+  const key = own.createKey("write");
+  const page = await house.openPage(own.address);
+  const enter = async (remember) => {
+    await page.locator("#key-dialog").waitFor();
+    await page.locator("#key-input").fill(key);
+    await page.getByLabel("Remember the key on this device").setChecked(remember);
+    await page.getByRole("button", { name: "Use key" }).click();
+    await page.locator("#key-dialog").waitFor({ state: "hidden" });
+    const other = await page.context().newPage();  // a tab of the same browser
+    await other.goto(own.address);
+    await other.waitForLoadState("networkidle");
+    const asked = await other.locator("#key-dialog").isVisible();
+    await other.close();
+    return asked;
+  };
+  assert.equal(await enter(false), true);
+  await page.getByRole("button", { name: "Key", exact: true }).click();
+  assert.equal(await enter(true), false);
+  await page.getByRole("button", { name: "Key", exact: true }).click();
+  assert.equal(await page.getByLabel("Remember the key on this device").isChecked(), true);
+  await house.shoot(page, "key-remembered");
+  await page.getByRole("button", { name: "Forget key" }).click();
+  assert.equal(await page.evaluate(() => sessionStorage.length + localStorage.length), 0);
+  await page.context().close();
+  await own.stop();
+});
+
 test("who may only read is offered nothing else; another key changes that at once", async () => {
   const own = await house.startServer();
   await fetch(`${own.address}/v1/collections/default/images/one?object=thing`, {

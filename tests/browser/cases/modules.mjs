@@ -168,6 +168,11 @@ test("the time that is left is said in minutes and hours", () => withModules(asy
                    ["less than a minute left", "about 1 minute left", "about 12 minutes left", "about 3 hours left"]);
 }));
 
+test("names with numbers are in natural order", () => withModules(async (call) => {
+  assert.ok((await call("names.js", "inNaturalOrder", "box (2)", "box (10)")).value < 0);
+  assert.ok((await call("names.js", "inNaturalOrder", "box 10", "box 9")).value > 0);
+}));
+
 test("collections have names for addresses, whatever people call them", () => withModules(async (call) => {
   const made = async (...given) => (await call("names.js", "collectionNameFor", ...given)).value;
   assert.deepEqual([await made("attic"), await made("Summer shirts 2026!"), await made("Été à Łódź"), await made("夏"), await made("..")],

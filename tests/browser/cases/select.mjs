@@ -50,6 +50,8 @@ test("images are moved and labelled together; what fails is said and stays selec
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#notices", /3 images moved to crate/);
   assert.deepEqual((await images("&object=crate")).map(({ id }) => id).sort(), ["p0", "p1", "p2"]);
+  await page.locator("#notices").getByRole("button", { name: "Undo" }).click();
+  await house.eventually(async () => assert.deepEqual((await images("&sort=id")).map(({ object }) => object).slice(0, 3), ["box 0", "box 1", "box 2"]));
 
   await page.getByRole("button", { name: "Select several" }).click();
   await page.getByRole("button", { name: "All shown" }).click();
@@ -115,6 +117,37 @@ test("several objects become one", async () => {
   await house.waitForText(page, "#notices", /2 objects merged into chest/);
   await house.waitForText(page, "#objects-list", /chest\s+6 images/);
   assert.equal((await images("&object=chest")).length, 6);
+  await house.closePage(page);
+});
+
+test("images and objects move to another collection", async () => {
+  await prepare();
+  const page = await house.openPage(`${server.address}/#/images`);
+  const choose = async (view, name, count) => {
+    await page.goto("about:blank");
+    await page.goto(`${server.address}/#/${view}`);
+    await page.locator(`#${view}-list .card`).nth(count - 1).waitFor();
+    await page.getByRole("button", { name: "Select several" }).click();
+    await box(page, name).check();
+    await page.getByRole("button", { name: "Move…" }).click();
+  };
+  await choose("images", "p0", 9);
+  await house.waitForText(page, "#notices .error", /no other collection/);
+  await fetch(`${server.address}/v1/collections/winter`, { method: "PUT" });
+  await choose("images", "p0", 9);
+  await house.checkAccessibility(page, "moving");
+  await house.shoot(page, "moving");
+  await page.getByRole("button", { name: "Save" }).click();
+  await house.waitForText(page, "#notices", /1 image moved to winter/);
+  assert.equal((await images()).length, 8);
+  await choose("objects", "box 0", 3);
+  await page.getByLabel("To the collection").selectOption("winter");
+  await page.getByRole("button", { name: "Save" }).click();
+  await house.waitForText(page, "#notices", /1 object moved to winter/);
+  assert.equal((await images()).length, 6);
+  await page.goto(`${server.address}/#/objects?in=winter`);
+  await house.waitForText(page, "#objects-list", /box 0\s+3 images/);
+  await fetch(`${server.address}/v1/collections/winter`, { method: "DELETE" });
   await house.closePage(page);
 });
 
