@@ -49,6 +49,7 @@ void PrintText(const SearchResult& result, const Json& document, double took_ms)
     } else if (result.found == std::size_t{0}) {
       Print("not found: no hit has a probability of {:.1f} or more", kPerhapsProbability);
     }
+    if (result.mirrored) Print("the image shows it mirrored");
     Print(TableOf(document["hits"], {{"/rank", "rank"},
                                      {"/score", "score", 4},
                                      {"/probability", "probability"},

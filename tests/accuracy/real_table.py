@@ -51,7 +51,7 @@ SETS = (
 class Answer:
     """The first hit of a query."""
     set: str
-    query: str  # file name
+    query: str  # name of its file, or of folder and file where folders have the same file names
     descriptor: str
     protocol: str
     left_out: bool  # asked without the images of its object
@@ -71,9 +71,13 @@ FOUND = 0.9  # probability from which a hit counts as found
 BINS = (0, 0.2, 0.5, 0.8, 0.9, 0.95, 1.01)
 
 
+def query_name(real_set, path):
+    return f"{path.parent.name}/{path.name}" if real_set.layout == "objects" else path.name
+
+
 def read_answers(real_set, file):
     with open(file, encoding="utf-8", newline="") as text:
-        return [Answer(real_set.folder, pathlib.Path(row["query"]).name, row["descriptor"], row["protocol"],
+        return [Answer(real_set.folder, query_name(real_set, pathlib.Path(row["query"])), row["descriptor"], row["protocol"],
                        row["left_out"] == "1", row["right"] == "1",
                        float(row["probability"]) if row["probability"] else None)
                 for row in csv.DictReader(text) if row["rank"] in ("", "1")]
