@@ -2,16 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/files/read_npz.h"
 
-#include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <memory>
 #include <system_error>
 #include <utility>
 #include <vector>
 
-#include <zlib.h>
+#include <zip.h>
 
 #include "descriptor/base/error.h"
 #include "index/files/image_files.h"
@@ -26,9 +25,6 @@ constexpr std::int64_t kMaxBytes = 256LL << 20;  // of a file, and of an unpacke
 constexpr std::int64_t kMaxColumns = 1 << 14;    // of descriptors
 constexpr float kMostValue = 1e9F;               // of a keypoint
 constexpr std::int64_t kMostSide = 1'000'000;    // pixels
-constexpr std::uint32_t kIn64 = 0xFFFFFFFF;      // the number is where ZIP64 says
-constexpr std::uint16_t kStored = 0;             // methods of zip
-constexpr std::uint16_t kDeflated = 8;
 
 struct Array {
   std::string dtype;  // NumPy's, such as "<f4"
@@ -46,12 +42,18 @@ struct Array {
   }
 };
 
-// A zip archive without comment (PKWARE's APPNOTE.TXT, section 4.3), of .npy files
+// A zip archive of .npy files
 // (https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html).
 class NpzFile {
  public:
   explicit NpzFile(const fs::path& path)
-      : name_(ToDisplayText(path.string())), bytes_(ReadFile(path, kMaxBytes)) {}
+      : name_(ToDisplayText(path.string())), bytes_(ReadFile(path, kMaxBytes)) {
+    zip_source_t* source = zip_source_buffer_create(bytes_.data(), bytes_.size(), 0, nullptr);
+    zip_.reset(source == nullptr ? nullptr : zip_open_from_source(source, ZIP_RDONLY, nullptr));
+    if (zip_) return;
+    zip_source_free(source);
+    Fail("it is no complete .npz file");
+  }
 
   // Throws if it is missing or is not of one of these types, or does not have these many
   // dimensions.
@@ -62,80 +64,27 @@ class NpzFile {
   }
 
  private:
-  Bytes Part(Bytes all, std::uint64_t offset, std::uint64_t size) const {
-    if (offset > all.size() || size > all.size() - offset) Fail("it is no complete .npz file");
-    return all.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(size));
-  }
-  template <typename Value>
-  Value Number(Bytes all, std::uint64_t offset) const {
-    Value value = 0;
-    std::memcpy(&value, Part(all, offset, sizeof value).data(), sizeof value);
-    return value;
-  }
-  // Where the directory begins, and its number of entries.
-  std::pair<std::uint64_t, std::uint64_t> Directory() const;
-  // Of an entry: packed and unpacked size, and the offset of the head.
-  std::array<std::uint64_t, 3> Sizes(Bytes entry) const;
-  std::vector<std::uint8_t> Unpack(Bytes entry) const;
+  std::vector<std::uint8_t> Unpack(const std::string& array) const;
   Array ParseNpy(const std::string& array, std::vector<std::uint8_t> file) const;
 
   std::string name_;
-  std::vector<std::uint8_t> bytes_;
+  std::vector<std::uint8_t> bytes_;  // of zip_
+  std::unique_ptr<zip_t, void (*)(zip_t*)> zip_{nullptr, zip_discard};
 };
 
-std::pair<std::uint64_t, std::uint64_t> NpzFile::Directory() const {
-  constexpr std::uint64_t kEnd = 22;
-  constexpr std::uint64_t kLocator = 20;  // of ZIP64, before the end
-  const std::uint64_t at = std::max<std::uint64_t>(bytes_.size(), kEnd) - kEnd;
-  const auto offset = Number<std::uint32_t>(bytes_, at + 16);
-  if (offset != kIn64) return {offset, Number<std::uint16_t>(bytes_, at + 10)};
-  const auto end = Number<std::uint64_t>(bytes_, at - kLocator + 8);
-  return {Number<std::uint64_t>(Part(bytes_, end, 56), 48),
-          Number<std::uint64_t>(Part(bytes_, end, 56), 32)};
-}
-
-std::array<std::uint64_t, 3> NpzFile::Sizes(Bytes entry) const {
-  const auto name = Number<std::uint16_t>(entry, 28);
-  const Bytes extra = Part(entry, 46 + std::uint64_t{name}, Number<std::uint16_t>(entry, 30));
-  const bool is_64 = extra.size() > 4 && Number<std::uint16_t>(extra, 0) == 1;
-  std::uint64_t at = 4;
-  const auto read = [&](std::uint64_t offset) -> std::uint64_t {
-    const auto number = Number<std::uint32_t>(entry, offset);
-    if (number != kIn64 || !is_64) return number;
-    at += 8;
-    return Number<std::uint64_t>(extra, at - 8);
-  };
-  const std::uint64_t size = read(24);  // in this order
-  const std::uint64_t packed = read(20);
-  return {packed, size, read(42)};
-}
-
-// The content of a file, from its entry in the directory.
-std::vector<std::uint8_t> NpzFile::Unpack(Bytes entry) const {
-  const auto method = Number<std::uint16_t>(entry, 10);
-  const auto [packed_size, size, offset] = Sizes(entry);
-  const Bytes head = Part(bytes_, offset, 30);
-  const std::uint64_t begin =
-      offset + 30 + Number<std::uint16_t>(head, 26) + Number<std::uint16_t>(head, 28);
-  const Bytes packed = Part(bytes_, begin, packed_size);
-  if (size > kMaxBytes || (method != kStored && method != kDeflated)) {
-    Fail("it has an array of over 256 MiB, or is packed in an unknown way");
+std::vector<std::uint8_t> NpzFile::Unpack(const std::string& array) const {
+  zip_stat_t entry{};
+  if (zip_stat(zip_.get(), (array + ".npy").c_str(), 0, &entry) != 0) {
+    Fail("it has no array " + array);
   }
-  std::vector<std::uint8_t> content(packed.begin(), packed.end());
-  if (method == kDeflated) {
-    content.assign(size, 0);
-    z_stream stream{};
-    stream.next_in = const_cast<Bytef*>(packed.data());  // zlib only reads
-    stream.avail_in = static_cast<uInt>(packed_size);
-    stream.next_out = content.data();
-    stream.avail_out = static_cast<uInt>(size);
-    const bool begun = inflateInit2(&stream, -MAX_WBITS) == Z_OK;
-    const int ended = begun ? inflate(&stream, Z_FINISH) : Z_MEM_ERROR;
-    if (begun) inflateEnd(&stream);
-    if (ended != Z_STREAM_END) Fail("an array cannot be unpacked");
-  }
-  if (content.size() != size ||
-      crc32_z(0, content.data(), content.size()) != Number<std::uint32_t>(entry, 16)) {
+  if (entry.size > kMaxBytes) Fail("it has an array of over 256 MiB");
+  const std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> file(
+      zip_fopen_index(zip_.get(), entry.index, 0), zip_fclose);
+  if (!file) Fail("an array cannot be unpacked");
+  std::vector<std::uint8_t> content(entry.size);
+  char more = 0;  // its end, at which libzip compares the checksum
+  if (zip_fread(file.get(), content.data(), entry.size) != static_cast<zip_int64_t>(entry.size) ||
+      zip_fread(file.get(), &more, 1) != 0) {
     Fail("an array is damaged");
   }
   return content;
@@ -143,12 +92,13 @@ std::vector<std::uint8_t> NpzFile::Unpack(Bytes entry) const {
 
 Array NpzFile::ParseNpy(const std::string& array, std::vector<std::uint8_t> file) const {
   Array parsed;
-  const bool is_long = Number<std::uint8_t>(file, 6) > 1;  // version
-  const std::uint64_t size =
-      is_long ? Number<std::uint32_t>(file, 8) : Number<std::uint16_t>(file, 8);
-  const Bytes head = Part(file, is_long ? 12 : 10, size);
-  const std::string text(head.begin(), head.end());
-  parsed.begin = (is_long ? 12 : 10) + static_cast<std::size_t>(size);
+  const bool is_long = file.size() > 12 && file[6] > 1;  // version
+  const std::size_t head = is_long ? 12 : 10;
+  std::uint32_t size = 0;  // little-endian, of two or four bytes
+  if (file.size() > head) std::memcpy(&size, file.data() + 8, head - 8);
+  parsed.begin = head + size;
+  if (parsed.begin > file.size()) Fail(array + " is not complete");
+  const std::string text(file.data() + head, file.data() + parsed.begin);
   const std::size_t type = text.find("'descr': '");
   const std::size_t shape = text.find("'shape': (");
   if (type == std::string::npos || shape == std::string::npos ||
@@ -180,24 +130,14 @@ Array NpzFile::ParseNpy(const std::string& array, std::vector<std::uint8_t> file
 
 Array NpzFile::Read(const std::string& array, const std::string& types,
                     std::size_t dimensions) const {
-  auto [at, entries] = Directory();
-  for (; entries > 0; --entries) {
-    const Bytes fixed = Part(bytes_, at, 46);
-    const auto length = Number<std::uint16_t>(fixed, 28);
-    const Bytes name = Part(bytes_, at + 46, length);
-    const Bytes entry = Part(bytes_, at, 46ULL + length + Number<std::uint16_t>(fixed, 30));
-    at += entry.size() + Number<std::uint16_t>(fixed, 32);
-    if (std::string(name.begin(), name.end()) != array + ".npy") continue;
-    Array found = ParseNpy(array, Unpack(entry));
-    const std::string kind = found.dtype.starts_with("<U") ? "<U" : found.dtype;
-    if ((' ' + types + ' ').find(' ' + kind + ' ') == std::string::npos ||
-        found.shape.size() != dimensions) {
-      Fail(array + " has " + std::to_string(found.shape.size()) + " dimensions of " + found.dtype +
-           "; it must have " + std::to_string(dimensions) + " of " + types);
-    }
-    return found;
+  Array found = ParseNpy(array, Unpack(array));
+  const std::string kind = found.dtype.starts_with("<U") ? "<U" : found.dtype;
+  if ((' ' + types + ' ').find(' ' + kind + ' ') == std::string::npos ||
+      found.shape.size() != dimensions) {
+    Fail(array + " has " + std::to_string(found.shape.size()) + " dimensions of " + found.dtype +
+         "; it must have " + std::to_string(dimensions) + " of " + types);
   }
-  Fail("it has no array " + array);
+  return found;
 }
 
 }  // namespace
