@@ -131,7 +131,8 @@ function showAnswer(answer, offset, how) {
   const said = { hits, found: answer.found, filtered: isFiltered(), stored: Boolean(query.id), ...how };
   const possible = hits.filter((hit) => !isWeak(hit)).length;
   const matches = answer.found ? count(answer.found, "match", "matches") : possible ? count(possible, "possible match", "possible matches") : t`No match`;
-  const quiet = [t`${matches} in ${(answer.took_ms / 1000).toFixed(2)} s.`, adviceWords(said)];
+  const mirrored = answer.mirrored ? t`Your photo is mirrored.` : "";
+  const quiet = [t`${matches} in ${(answer.took_ms / 1000).toFixed(2)} s.`, mirrored, adviceWords(said)];
   say(status, "");
   status.append(make("strong", { class: "verdict", text: verdictWords(said) }), make("span", { class: "quiet", text: quiet.filter(Boolean).join(" ") }));
   if (!offset && hits.length && !isWeak(hits[0])) choose(hits[0]);

@@ -163,7 +163,7 @@ TEST_F(EngineTest, CheckFindsWhatIsBroken) {
            "UPDATE vocabularies SET words = 3",
            "UPDATE vocabularies SET ready = 0",
            "UPDATE originals SET data = x'00' WHERE image = 1",
-           "INSERT INTO objects (collection, name) VALUES (1, 'lonely')",
+           "INSERT INTO objects (collection, name, natural_name) VALUES (1, 'lonely', 'lonely')",
            "UPDATE features SET model = 99 WHERE image = 1",
            "UPDATE images SET metadata = '[1]' WHERE key = 1",
            "UPDATE images SET id = 'a b' WHERE key = 1",

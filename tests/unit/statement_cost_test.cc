@@ -82,7 +82,8 @@ class StatementCostTest : public testing::EngineTest {
         std::to_string(kImages) +
         ") SELECT i, 100 + i AS key, "
         "(SELECT key FROM images WHERE id = 'p' || (1 + i % 12)) AS alike FROM n;"
-        "INSERT INTO objects (key, collection, name) SELECT key, 1, 'many' || i FROM many;"
+        "INSERT INTO objects (key, collection, name, natural_name) SELECT key, 1, 'many' || i, "
+        "'many' || substr('00000' || i, -5) FROM many;"
         "INSERT INTO images (key, collection, id, object, sha256, media_type, width, height, "
         "bytes, keypoints, metadata, source, added_ms, updated_ms) SELECT m.key, 1, 'm' || m.i, "
         "m.key, randomblob(32), p.media_type, p.width, p.height, p.bytes, p.keypoints, p.metadata, "

@@ -69,7 +69,7 @@ OrderColumn ColumnOf(Connection& db, const ImageListing& list, Query& query) {
     case ImageOrder::kUpdated:
       return {"p.updated_ms", false};
     case ImageOrder::kObject:
-      return {db.NaturalKeyOf("coalesce(o.name, '')"), true};
+      return {"coalesce(o.natural_name, '')", true};
     case ImageOrder::kSource:
       return {db.NaturalKeyOf("p.source"), true};
     case ImageOrder::kMetadata:
@@ -78,7 +78,7 @@ OrderColumn ColumnOf(Connection& db, const ImageListing& list, Query& query) {
   return {"p.id", true};
 }
 
-OrderColumn ColumnOf(Connection& db, ObjectOrder order) {
+OrderColumn ColumnOf(ObjectOrder order) {
   switch (order) {
     case ObjectOrder::kName:
       break;
@@ -89,7 +89,7 @@ OrderColumn ColumnOf(Connection& db, ObjectOrder order) {
     case ObjectOrder::kImages:
       return {"images", false};
   }
-  return {db.NaturalKeyOf("name"), true};
+  return {"natural_name", true};
 }
 
 struct Place {
@@ -177,8 +177,8 @@ constexpr const char* kSelectObjects =
     "(SELECT count(*) FROM images p WHERE p.object = o.key) AS images, "
     "(SELECT min(p.id) FROM images p WHERE p.object = o.key) AS first, "
     "(SELECT min(p.added_ms) FROM images p WHERE p.object = o.key) AS created, "
-    "(SELECT max(p.updated_ms) FROM images p WHERE p.object = o.key) AS updated "
-    "FROM objects o ";
+    "(SELECT max(p.updated_ms) FROM images p WHERE p.object = o.key) AS updated, "
+    "o.natural_name AS natural_name FROM objects o ";
 
 constexpr const char* kFromImages = " FROM images p LEFT JOIN objects o ON o.key = p.object ";
 
@@ -290,7 +290,7 @@ ObjectPage Catalogue::ListObjectPage(const ObjectListing& list) {
         ObjectsOf(db, std::string("SELECT * FROM (") + kSelectObjects, collection, list.which);
     query.sql += ") AS listed WHERE TRUE";
     ReadPage(
-        db, {ColumnOf(db, list.order), "name", list}, query,
+        db, {ColumnOf(list.order), "name", list}, query,
         [&](const Cursor& row, ListPlace* place) { return ReadObject(row, list.order, place); },
         &page);
     if (list.count) {

@@ -40,8 +40,10 @@ CREATE TABLE objects (
   key INTEGER PRIMARY KEY AUTOINCREMENT,
   collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,
   name TEXT NOT NULL CHECK (name <> ''),
+  natural_name TEXT NOT NULL,               -- NaturalKey (index/files/text.h), for lists
   UNIQUE (collection, name)
 );
+CREATE INDEX objects_in_order ON objects (collection, natural_name, name);
 CREATE TABLE images (
   key INTEGER PRIMARY KEY AUTOINCREMENT,
   collection INTEGER NOT NULL REFERENCES collections (key) ON DELETE CASCADE,

@@ -22,14 +22,18 @@ namespace {
 Key FindOrInsertObject(Connection& db, Key collection, const std::string& name) {
   if (name.empty()) return 0;
   if (const Key found = FindObject(db, collection, name)) return found;
-  return db.Prepare("INSERT INTO objects (collection, name) VALUES (?, ?) RETURNING key")
-      .Bind(collection, name)
+  return db
+      .Prepare(
+          "INSERT INTO objects (collection, name, natural_name) VALUES (?, ?, ?) RETURNING key")
+      .Bind(collection, name, NaturalKey(name))
       .One()
       .Int(0);
 }
 
 void RenameObject(Connection& db, Key object, const std::string& name) {
-  db.Prepare("UPDATE objects SET name = ? WHERE key = ?").Bind(name, object).Run();
+  db.Prepare("UPDATE objects SET name = ?, natural_name = ? WHERE key = ?")
+      .Bind(name, NaturalKey(name), object)
+      .Run();
 }
 
 // What a moved image is written again with: MoveImage gives it a new key.

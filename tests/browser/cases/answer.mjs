@@ -84,11 +84,12 @@ test("weak results are folded away and counted; a button opens them, and more ca
 test("a hit leads to its object, and shows its labels; an address among them is a link, other schemes are not", async () => {
   const page = await house.openPage(server.address);
   const labels = [{ shelf: 4, url: "https://shop.example/things?id=7" }, { url: "javascript:alert(1)" }, { site: "https://shop.example/" }];
-  await page.route("**/search", (route) => route.fulfill({ json: { took_ms: 5, total: 3, found: 3, hits: labels.map((metadata, i) => ({
+  await page.route("**/search", (route) => route.fulfill({ json: { took_ms: 5, total: 3, found: 3, mirrored: true, hits: labels.map((metadata, i) => ({
     rank: i + 1, object: i ? `thing ${i}` : "poster", image_id: `id-${i}`, source: "", score: 0.9, probability: 0.99, verdict: "found", inliers: 9,
     polygon: null, instances: [], metadata })) } }));
   await page.locator("#search-file").setInputFiles(unknown);
   await house.waitForText(page, "#results .hit:first-child .labels", /^shelf: 4\s*url: https:\/\/shop\.example\/things\?id=7$/);
+  await house.waitForText(page, "#search-status", /Your photo is mirrored\.$/);
   const links = await page.locator("#results .labels a").evaluateAll((list) => list.map(({ href, rel }) => [href, rel]));
   assert.deepEqual(links, [["https://shop.example/things?id=7", "noopener noreferrer"]]);
   await house.waitForText(page, "#results .hit:nth-child(2) .labels", /^url: javascript:alert\(1\)$/);
