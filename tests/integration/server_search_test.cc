@@ -38,8 +38,7 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   EXPECT_EQ(SearchFor(client, query, "?min_score=1")["total"], best >= 1 ? 1 : 0);
   EXPECT_EQ(SearchFor(client, query, "?rank=histogram")["hits"].size(), 4U);
   // All hits, and how many of them are looked at.
-  const Json all =
-      SearchFor(client, query, "?group_by=image&limit=0&verify_depth=1&explain=true");
+  const Json all = SearchFor(client, query, "?group_by=image&limit=0&verify_depth=1&explain=true");
   EXPECT_EQ(all["hits"].size(), 8U);
   int looked_at = 0;
   for (const Json& hit : all["hits"]) looked_at += hit["explain"]["reference"].is_null() ? 0 : 1;
@@ -74,9 +73,8 @@ TEST_F(ServerTest, SearchParametersDoWhatTheySay) {
   EXPECT_EQ(none["total"], 0);
   EXPECT_EQ(none["verdict"], "not_found");
   EXPECT_EQ(none["found"], 0);
-  for (const char* wrong :
-       {"?filter=%7B%22year%22%3A%7B%22like%22%3A1%7D%7D", "?filter=year", "?verify_depth=0",
-        "?instances=0", "?limit=-1", "?explain=maybe"}) {
+  for (const char* wrong : {"?filter=%7B%22year%22%3A%7B%22like%22%3A1%7D%7D", "?filter=year",
+                            "?verify_depth=0", "?instances=0", "?limit=-1", "?explain=maybe"}) {
     const auto answer = client.Post(kSearch + std::string(wrong), query, "image/png");
     EXPECT_EQ(answer->status, 400) << wrong;
     const std::string name = std::string(wrong).substr(1, std::string(wrong).find('=') - 1);
