@@ -82,12 +82,7 @@ Response Patch(Service& service, const Request& request, const Parameters& param
   const std::string& object = request.captures.at("o");
   ObjectChange change;
   change.collection = TextIn(patch, "collection");
-  const std::optional<std::string> name = TextIn(patch, "object");
-  if (!name && !change.collection) {
-    throw ProblemError("missing_parameter", "object is required: the new name.",
-                       {.parameter = "object"});
-  }
-  change.name = name.value_or(object);
+  change.name = TextIn(patch, "object").value_or(object);
   change.merge = parameters.Value<bool>("merge");
   change.check = [&](const ObjectRecord& now, const std::string& image_id) {
     CheckIfMatch(request, ObjectJson(now, image_id));

@@ -99,7 +99,7 @@ TEST_F(ChangesTest, WhatIsWrongIsNamedAndChangesNothing) {
   ExpectProblem(Patch("/v1/collections/none/images/a", "{}"), 404, "collection_not_found");
   EXPECT_EQ(Read(a), before);
   const std::string mug = Object("mug");
-  ExpectProblem(Patch(mug, "{}"), 400, "missing_parameter", "object");
+  EXPECT_EQ(Patch(mug, "{}")->status, 200) << "changes nothing, as that of an image";
   for (const char* name : {"null", "7", R"("")"}) {
     ExpectProblem(Patch(mug, R"({"object": )" + std::string(name) + "}"), 400, "invalid_parameter",
                   "object");

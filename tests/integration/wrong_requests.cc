@@ -200,7 +200,8 @@ void WrongRequests::AddParameterFaults() {
     }
     const Json& schema = parameter["schema"];
     std::vector<std::string> bad;
-    if (schema.contains("enum") || schema["type"] == "boolean") bad = {"no-such-word", "1", ""};
+    if (!IsText(parameter) && (schema["type"] == "string" || schema["type"] == "boolean"))
+      bad = {"no-such-word", "1", ""};
     if (schema["type"] == "integer" || schema["type"] == "number") {
       bad = {std::to_string(schema["minimum"].get<double>() - 1), "x", ""};
     }
@@ -236,7 +237,7 @@ void WrongRequests::AddWrongTypes(const std::string& name, const std::string& ty
 
 bool WrongRequests::IsText(const Json& parameter) {
   return parameter.contains("schema") && parameter["schema"]["type"] == "string" &&
-         !parameter["schema"].contains("enum");
+         !parameter["schema"].contains("enum") && !parameter["schema"].contains("pattern");
 }
 
 }  // namespace pliant::testing
