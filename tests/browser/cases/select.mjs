@@ -141,7 +141,7 @@ test("images and objects move to another collection", async () => {
   await house.waitForText(page, "#notices", /1 image moved to winter/);
   assert.equal((await images()).length, 8);
   await choose("objects", "box 0", 3);
-  await page.getByLabel("To the collection").selectOption("winter");
+  await page.locator("#view-objects").getByLabel("To the collection").selectOption("winter");
   await page.getByRole("button", { name: "Save" }).click();
   await house.waitForText(page, "#notices", /1 object moved to winter/);
   assert.equal((await images()).length, 6);
