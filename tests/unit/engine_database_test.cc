@@ -17,9 +17,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 TEST_F(EngineTest, AnotherModelIsAConflict) {
-  {
-    Engine engine(Options());
-  }
+  Engine{Options()};  // creates the file
   EngineOptions options = Options();
   options.custom_descriptor = nullptr;
   options.descriptor = "orb";
@@ -40,9 +38,7 @@ TEST_F(EngineTest, OpeningWhatIsNotThereOrReadOnly) {
   options.create = false;
   ExpectError(ErrorCode::kNotFound, "database_not_found", [&] { Engine engine(options); });
   EXPECT_FALSE(std::filesystem::exists(options.database));
-  {
-    Engine engine(Options());
-  }
+  Engine{Options()};  // creates the file
   options.read_only = true;
   Engine engine(options);
   ExpectError(ErrorCode::kReadOnly, "read_only", [&] { Add(engine, RandomPng(1), "x"); });

@@ -361,7 +361,8 @@ void PgConnection::Connect() {
   if (PQstatus(connection_) != CONNECTION_OK) ThrowNotConnected(connection_, address_.shown);
   PQsetClientEncoding(connection_, "UTF8");
   PQsetnonblocking(connection_, 1);
-  PQsetNoticeProcessor(connection_, [](void*, const char*) {}, nullptr);  // not onto standard error
+  const PQnoticeProcessor silent = [](void*, const char*) {};  // not onto standard error
+  PQsetNoticeProcessor(connection_, silent, nullptr);
   Exec("SET lock_timeout = " + std::to_string(options_.lock_timeout_ms) +
        "; SET idle_in_transaction_session_timeout = " +
        std::to_string(options_.idle_in_transaction_ms) +
