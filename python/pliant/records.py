@@ -74,7 +74,7 @@ class Hit:
 class SearchResult(list["Hit"]):
     """The hits, best first. `total`: hits over all pages. `verdict`: "found", "perhaps" (the first hit has a probability
     of 0.2 or more) or "not_found". `found`: hits with the verdict "found". Both are None for hits without a
-    probability. `document`: the whole answer as `pliant query --json` prints it (took_ms, timings, vocabulary, ...)."""
+    probability. `document`: the whole answer as `pliant query --json` prints it (mirrored, took_ms, timings, ...)."""
 
     def __init__(self, document: dict[str, Any]) -> None:
         super().__init__(_hit(hit) for hit in document["hits"])
