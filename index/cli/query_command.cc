@@ -370,7 +370,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
   app->add_flag(
       "--closer-look,!--no-closer-look", search.second_pass,
       "if nothing is found, run a second pass at high resolution, and return the answer with "
-      "more evidence (default: yes)");
+      "more evidence; if little is found, look for mirrored objects (default: yes)");
   app->add_option("--region", options->region,
                   "search only this rectangle of the query image, in its pixels: X,Y,W,H")
       ->delimiter(',')

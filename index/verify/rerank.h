@@ -69,9 +69,9 @@ bool IsDecided(const std::vector<VerifiedImage>& images);
 // down.
 bool IsEnough(const std::vector<VerifiedImage>& verified);
 
-// In a decided search, images without strong evidence get the
-// ranking's score back: nearly all of them are wrong, and chance matches do not order them better.
-// In an undecided search a few inliers count.
+// In a decided search, images without strong evidence get the ranking's score back: nearly all of
+// them are wrong, and chance matches do not order them better. In an undecided search a few inliers
+// count.
 void DropWeakEvidence(std::vector<VerifiedImage>* images);
 
 // Which objects match the keypoints of the query, and how near they are.

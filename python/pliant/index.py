@@ -202,7 +202,7 @@ class Index:
             verify: "auto" (tps; none for histogram), "tps" or "none"; verify_depth: images to verify, 0 = adaptive, 30
                 to 100 and more in large collections; instances: maximum number of instances of one object, 20.
             closer_look: if nothing is found, run a second pass at high resolution and return the answer with more
-                evidence (True); not with Features.
+                evidence; if little is found, look for mirrored objects (True); not with Features.
             region: (x, y, width, height) in pixels of the query: searches only this part, at its full resolution.
             min_score: 0 to 1. object: only images of this object. filter: conditions on metadata, such as
                 {"year": {"gte": 2020}, "colour": {"in": ["red"]}}; tests are in, ne, gt, gte, lt, lte,

@@ -74,7 +74,8 @@ std::vector<Parameter> SearchParameters() {
       Parameter(
           "closer_look",
           "if nothing is found, search again in a second pass at high resolution and return the "
-          "better answer; takes three to four times as long; not with image_id or image_ids")
+          "better answer; takes three to four times as long; if little is found, look for mirrored "
+          "objects; not with image_id or image_ids")
           .Boolean()
           .Default("true"),
       Parameter("region",
