@@ -44,7 +44,7 @@ set(CPACK_DEBIAN_VIDEO_PACKAGE_DEPENDS "${same_pliant}")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME pliant-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
-    "libopencv-dev, libdnnl-dev, libeigen3-dev, libsqlitecpp-dev, libsqlite3-dev, libpq-dev, libturbojpeg0-dev, libjpeg-dev, libpng-dev, libtiff-dev, libwebp-dev, libgif-dev, libheif-dev, zlib1g-dev, libzip-dev, pkg-config, libssl-dev"
+    "libopencv-dev, libdnnl-dev, libeigen3-dev, libsqlitecpp-dev, libsqlite3-dev, libpq-dev, libturbojpeg0-dev, libjpeg-dev, libpng-dev, libtiff-dev, libwebp-dev, libgif-dev, libheif-dev, zlib1g-dev, libzip-dev, libxxhash-dev, pkg-config, libssl-dev"
 )
 if(PLIANT_PYTHON_FOUND)
   math(EXPR next_minor "${Python3_VERSION_MINOR} + 1")

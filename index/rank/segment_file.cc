@@ -10,8 +10,13 @@
 #include <utility>
 #include <vector>
 
-#define XXH_INLINE_ALL
+#define XXH_STATIC_LINKING_ONLY  // a state of known size
+#if defined(__x86_64__)
+// Takes the widest registers of the processor: much of a large index's start is its checksum.
+#include <xxh_x86dispatch.h>
+#else
 #include <xxhash.h>
+#endif
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
