@@ -286,7 +286,7 @@ Image CutOut(const Image& image, const PixelBox& box) {
 }
 
 Image MirrorImage(const Image& image) {
-  if (image.empty()) return image;
+  if (image.empty()) return {};
   cv::Mat mirrored;
   cv::flip(ViewAsMat(image), mirrored, 1);
   return CopyFromMat(mirrored);
