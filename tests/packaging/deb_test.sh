@@ -64,7 +64,7 @@ install /tmp/pliant-video.deb
 in_root pliant track /tmp/photo.png /tmp/frames
 if [ -e "$root/tmp/python3-pliant.deb" ]; then # where the package was built
   install /tmp/python3-pliant.deb
-  in_root python3 -c 'import pliant; print("python:", pliant.Extractor("deal").model_id)'
+  in_root python3 -c 'import pliant; print("python:", pliant.__version__, pliant.Extractor("deal").model_id)'
 fi
 in_root test -e /lib/systemd/system/pliant-server.service
 mkdir -p "$root/var/lib/pliant"
