@@ -390,6 +390,10 @@ class Client:
         """Revokes a key. The server refuses later requests with it."""
         self._ask("DELETE", f"/v1/keys/{segment('id', id)}")
 
+    def qr(self, text: str) -> bytes:
+        """The text, up to 512 bytes, as a QR code in SVG."""
+        return self._transport.call("POST", "/v1/qr", again=True, **_json_body({"text": text})).body
+
     def backups(self) -> list[Json]:
         """The names, sizes and times of all backups in the server's --backup-dir, newest first."""
         return list(self._ask("GET", "/v1/backups")["backups"])

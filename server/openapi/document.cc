@@ -71,8 +71,8 @@ void AddScopeCodes(const Route& route, Codes& codes) {
 // "images" for "images.create". A name without a point is its own tag, or has another one.
 std::string TagOf(const Route& route) {
   static const std::map<std::string, std::string> tags = {
-      {"livez", "health"}, {"readyz", "health"}, {"metrics", "health"},
-      {"openapi", "page"}, {"me", "keys"},       {"preview", "images"}};
+      {"livez", "health"}, {"readyz", "health"},  {"metrics", "health"}, {"openapi", "page"},
+      {"me", "keys"},      {"preview", "images"}, {"qr", "keys"}};
   const std::string first = route.name.substr(0, route.name.find('.'));
   const auto tag = tags.find(first);
   return tag == tags.end() ? first : tag->second;

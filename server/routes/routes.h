@@ -92,6 +92,7 @@ std::vector<Route> MakeRoutes(Service& service);
 
 void AddServerRoutes(RouteTable& table);
 void AddKeyRoutes(RouteTable& table);
+void AddQrRoutes(RouteTable& table);
 void AddCollectionRoutes(RouteTable& table);
 void AddImageRoutes(RouteTable& table);
 void AddImportRoutes(RouteTable& table);

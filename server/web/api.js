@@ -117,6 +117,7 @@ export const deletePath = (path) => ask(path, { method: "DELETE" });
 export const blobOf = async (path, options) => (await answerTo(path, options)).blob();
 // A small preview of an image elsewhere, which the server fetches.
 export const previewBlob = (url) => blobOf("v1/preview", { method: "POST", headers: kJson, body: JSON.stringify({ image_url: url }) });
+export const qrBlob = (text) => blobOf("v1/qr", { method: "POST", headers: kJson, body: JSON.stringify({ text }) });
 export async function collections() {
   const { collections: all } = await ask("v1/collections");
   return { collections: all.sort((a, b) => inNaturalOrder(shownName(a), shownName(b))) };

@@ -20,10 +20,13 @@ function showNew(made) {
     say(copied, done ? t`Copied.` : t`Press Ctrl+C to copy.`);
   });
   const address = new URL(link("search", { key: made.key }), location.href).href;
+  const code = make("img", { class: "key-code", alt: t`QR code of the link with the key`,
+                             onerror: ({ error }) => code.replaceWith(make("p", { class: "error", text: error?.message ?? t`The QR code is missing.` })) });
+  api.showBlob(code, () => api.qrBlob(address));
   byId("keys-new").replaceChildren(
     make("p", {}, make("strong", { text: t`Key "${made.name}" created.` }), " ", t`Copy this key now. It will not be shown again.`),
     make("div", { class: "row key-row" }, text, copier(t`Copy`, made.key), copier(t`Copy a link with the key`, address), copied),
-    make("p", { class: "quiet", text: t`The link opens this page with the key. Send it only to the person who needs the key.` }),
+    make("p", { class: "quiet", text: t`The link opens this page with the key. A phone can scan it. Give it only to the person who needs the key.` }), code,
     ...(isFirst ? [make("p", { text: t`The server now requires a key. This tab uses the new key.` })] : []));
   byId("keys-new").hidden = false;
   text.focus();

@@ -71,6 +71,7 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
   const httplib::MultipartFormDataItems both = {{"image", image, "a.png", "image/png"},
                                                 {"image", image, "b.png", "image/png"}};
   EXPECT_EQ(reader.Post("/v1/compare", both)->status, 200);
+  EXPECT_EQ(reader.Post("/v1/qr", Json{{"text", write}}.dump(), "application/json")->status, 200);
   EXPECT_EQ(writer.Get(kImages)->status, 200);
   EXPECT_EQ(CodeOf(writer.Put("/v1/collections/toys")), "forbidden");
   EXPECT_EQ(owner.Put("/v1/collections/toys")->status, 201);
@@ -78,6 +79,8 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
   auto stranger = server.Client();
   EXPECT_EQ(stranger.Get("/livez")->status, 200);
   EXPECT_EQ(CodeOf(stranger.Get("/v1/collections")), "unauthorized");
+  EXPECT_EQ(CodeOf(stranger.Post("/v1/qr", R"({"text": "x"})", "application/json")),
+            "unauthorized");
   EXPECT_EQ(stranger.Get("/v1/collections", {{"X-API-Key", read}})->status, 200);
   std::string wrong = read;
   wrong.back() = wrong.back() == 'A' ? 'B' : 'A';

@@ -101,7 +101,20 @@ TEST_F(ServerErrorsTest, Parameters) {
       {"POST", kVocabularies, R"({"words": 1})", kJson, 400, "invalid_parameter", "words"},
       {"POST", kVocabularies, R"({"words": "many"})", kJson, 400, "invalid_parameter", "words"},
       {"POST", kVocabularies, R"({"activate": 1})", kJson, 400, "invalid_parameter", "activate"},
+      {"POST", "/v1/qr", "{}", kJson, 400, "missing_parameter", "text"},
+      {"POST", "/v1/qr", R"({"text": ")" + std::string(513, 'x') + "\"}", kJson, 400,
+       "invalid_parameter", "text"},
   });
+}
+
+TEST_F(ServerErrorsTest, TheLongestTextIsAQrCodeOf97Modules) {
+  const auto code =
+      server_->Client().Post("/v1/qr", Json{{"text", std::string(512, 'x')}}.dump(), kJson);
+  ASSERT_TRUE(code);
+  ASSERT_EQ(code->status, 200) << code->body;
+  EXPECT_EQ(code->get_header_value("Content-Type"), "image/svg+xml");
+  EXPECT_EQ(code->get_header_value("Cache-Control"), "no-store");
+  EXPECT_NE(code->body.find("viewBox=\"0 0 97 97\""), std::string::npos) << code->body;
 }
 
 TEST_F(ServerErrorsTest, AnImageInAnotherFieldIsToldWhereItBelongs) {

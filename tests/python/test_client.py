@@ -123,6 +123,7 @@ class Served(FolderCase):
         self.assertEqual([client.get(f"p{seed}")["object"] for seed in range(3)], ["red mug", "mug", "mug"])
         client.update("p0", object="mug")
         self.assertEqual(client.preview(pattern(0))[:2], b"\xff\xd8")
+        self.assertIn(b'viewBox="0 0 29 29"', client.qr("pliant"))
         client.train(words=40, activate=False)
         client.use(client.vocabularies()[-1]["id"])
         self.assertTrue(client.vocabularies()[-1]["active"])

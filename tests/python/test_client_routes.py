@@ -61,6 +61,7 @@ CALLS = {
     "objects.locate": lambda client, file: client.locate(b"a", "mug"),
     "objects.patch": lambda client, file: client.rename_object("mug", "cup"),
     "preview": lambda client, file: client.preview(b"a"),
+    "qr": lambda client, file: client.qr("https://shop.example"),
     "readyz": lambda client, file: client.ready(),
     "search": lambda client, file: client.search(b"a", limit=3),
     "search.batch": lambda client, file: client.search_batch([{"image_id": "a"}]),

@@ -2,11 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keys made and revoked on the page.
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import { test } from "node:test";
 import * as house from "../house.mjs";
 
 const statusWith = async (address, key) =>
   (await fetch(`${address}/v1/collections`, { headers: key ? { Authorization: `Bearer ${key}` } : {} })).status;
+
+// What OpenCV reads in a screenshot. Debian's has no decoder for its own QRCodeDetector, but one for WeChat's.
+const scanned = (screenshot) => execFileSync("/usr/bin/python3", ["-c",
+  "import cv2, numpy, sys; print(*cv2.wechat_qrcode_WeChatQRCode().detectAndDecode(cv2.imdecode(numpy.frombuffer(sys.stdin.buffer.read(), numpy.uint8), 1))[0])"],
+  { input: screenshot, encoding: "utf8" }).trim();
 
 test("the first key closes the server, and the page goes on with it; others are made, used and revoked", async () => {
   const own = await house.startServer("--auto-train", "false");
@@ -18,6 +24,7 @@ test("the first key closes the server, and the page goes on with it; others are 
   await house.checkAccessibility(page, "no keys");
   await page.getByRole("button", { name: "Create key" }).click();
   await house.waitForText(page, "#keys-status.error", /Enter a name/);
+  await page.route("**/v1/qr", (route) => route.abort());
   await page.locator("#keys-name").fill("me");
   await page.keyboard.press("Enter");
   await house.waitForText(page, "#keys-new", /Copy this key now[^]*The server now requires a key/);
@@ -25,6 +32,8 @@ test("the first key closes the server, and the page goes on with it; others are 
   assert.match(admin, /^plk_[0-9a-f]{8}_/);
   assert.deepEqual([await statusWith(own.address, ""), await statusWith(own.address, admin)], [401, 200]);
   await house.waitForText(page, "#keys-list", /me\s+admin[^]*this tab/);
+  await house.waitForText(page, "#keys-new .error", /cannot be reached/);
+  await page.unroute("**/v1/qr");
   await house.shoot(page, "key-made");
   await house.checkAccessibility(page, "a key is made");
   await house.checkOverlaps(page, "a key is made");
@@ -42,9 +51,22 @@ test("the first key closes the server, and the page goes on with it; others are 
   await page.getByRole("button", { name: "Copy a link with the key" }).click();
   await house.eventually(async () => assert.match(await page.evaluate(() => navigator.clipboard.readText()), /#\/search\?key=plk_/));
   await house.waitForText(page, "#keys-loopback", /this computer only/);
+  const shared = await page.evaluate(() => navigator.clipboard.readText());
+  const code = page.getByAltText("QR code of the link with the key");
+  for (const [colorScheme, width] of [["light", 1200], ["dark", 1200], ["light", 390], ["dark", 390]]) {
+    await page.emulateMedia({ colorScheme });
+    await page.setViewportSize({ width, height: 900 });
+    await code.scrollIntoViewIfNeeded();
+    await page.waitForFunction(() => document.querySelector(".key-code").naturalWidth > 0);
+    assert.equal(scanned(await page.screenshot()), shared, `${colorScheme} ${width}`);
+    await house.checkWidth(page, "a key's code");
+    await house.shoot(page, `key-code-${colorScheme}-${width}`);
+  }
+  await house.checkAccessibility(page, "a key's code");
+  await page.setViewportSize({ width: 1200, height: 900 });
 
   // A colleague opens the link: the key works, and is in no address.
-  const colleague = await house.openPage(await page.evaluate(() => navigator.clipboard.readText()));
+  const colleague = await house.openPage(shared);
   await colleague.waitForFunction(() => document.documentElement.dataset.scope === "read");
   assert.equal(new URL(colleague.url()).hash, "#/search");
   await colleague.locator("#key-button").waitFor();
