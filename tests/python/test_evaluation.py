@@ -2,6 +2,7 @@
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
 """Keypoints and descriptors of another program, here OpenCV's SIFT: in the benchmarks, and in an index."""
+import json
 import os
 import pathlib
 import subprocess
@@ -89,6 +90,23 @@ class Benchmarks(FolderCase):
                               stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, timeout=100)
         self.assertNotEqual(done.returncode, 0)
         return done.stderr
+
+    def test_nonrigid_submission(self):
+        root = self.folder / "set"
+        images = [pattern(3, 320, 240), other_view(3, 320, 240)]
+        for number, image in enumerate(images):
+            folder = root / f"test_sequence_000/scenario_00{number}"
+            folder.mkdir(parents=True)
+            cv2.imwrite(str(folder / "rgba_00000.png"), image)
+        first, second = (f"test_sequence_000/scenario_00{number}/rgba_00000.png" for number in (0, 1))
+        (root / "selected_pairs.json").write_text(json.dumps({"scale_1": [[first, second], ["/" + second, first]], "scale_2": [[first, first]]}))
+        subprocess.run([sys.executable, EXAMPLES / "nonrigid_submission.py", root, self.folder / "out"], check=True, timeout=100)
+        there, back = json.loads((self.folder / "out/scale_1.json").read_text())
+        self.assertEqual((there["keypoints1"], there["keypoints2"]), (back["keypoints2"], back["keypoints1"]))
+        self.assertGreater(len(there["matches"]), 20)
+        self.assertEqual(sorted(there["matches"]), sorted([a, b] for b, a in back["matches"]))
+        (same,) = json.loads((self.folder / "out/scale_2.json").read_text())
+        self.assertEqual(same["matches"], [[i, i] for i in range(len(same["keypoints1"]))])
 
     def test_hloc(self):
         file = self.folder / "feats-superpoint.h5"
