@@ -71,6 +71,16 @@ FOUND = 0.9  # probability from which a hit counts as found
 BINS = (0, 0.2, 0.5, 0.8, 0.9, 0.95, 1.01)
 
 
+def sets_below(real, wanted=None):
+    """The wanted sets that have a folder; names the others."""
+    asked = [real_set for real_set in SETS if real_set.folder in (wanted or real_set.folder)]
+    found = [real_set for real_set in asked if (real / real_set.folder).is_dir()]
+    for real_set in asked:
+        if real_set not in found:
+            print(f"skipped {real_set.folder}: {real / real_set.folder} is not a folder", file=sys.stderr)
+    return found or sys.exit(f"{real} has none of the folders {', '.join(real_set.folder for real_set in asked)}")
+
+
 def query_name(real_set, path):
     return f"{path.parent.name}/{path.name}" if real_set.layout == "objects" else path.name
 
@@ -122,40 +132,49 @@ def interval(share, of):
     z = 1.96
     middle = (share + z * z / (2 * of)) / (1 + z * z / of)
     half = z * math.sqrt(share * (1 - share) / of + z * z / (4 * of * of)) / (1 + z * z / of)
-    return f"{share:.3f} ({max(0, middle - half):.3f} to {min(1, middle + half):.3f})"
+    return {"value": share, "low": max(0, middle - half), "high": min(1, middle + half)}
 
 
-def table(rows):
-    lines = ["| set | descriptor | protocol | words | figure | value | queries | refused | found right | found wrong | left out | false alarms "
-             "| ms per query |", "|---|---|---|---|---|---|---|---|---|---|---|---|---|"]
-    for row in rows:
-        alarms = f"{row['false_alarms']:.0f} of {row['absent_queries']}" if row["absent_queries"] else ""
-        queries = row["queries"]
-        value = interval(row["value"], queries) if row["metric"] == "top-1" else f"{row['value']:.3f}"
-        left_out = f"{row['left_out_alarms']:.0f} of {row['left_out_queries']}" if row["left_out_queries"] else ""
-        lines.append(f"| {row['set']} | {row['descriptor']} | {row['protocol']} | {row['words']:.0f} | {row['metric']} | {value} | {queries} "
-                     f"| {row['refused_queries']} | {interval(row['found_right'], queries)} | {interval(row['found_wrong'], queries)} | {left_out} "
-                     f"| {alarms} | {1000 * row['seconds_per_query']:.0f} |")
-    return "\n".join(lines)
+def cell(value):
+    if isinstance(value, dict):
+        return f"{value['value']:.3f} ({value['low']:.3f} to {value['high']:.3f})"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def markdown(rows):
+    """A table of rows, which map each column's title to a text, a number or an interval."""
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *([cell(value) for value in row.values()] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def counted(count, of):
+    return f"{count:.0f} of {of}" if of else ""
+
+
+def row_of(row):
+    queries = row["queries"]
+    return {"set": row["set"], "descriptor": row["descriptor"], "protocol": row["protocol"], "words": int(row["words"]), "figure": row["metric"],
+            "value": interval(row["value"], queries) if row["metric"] == "top-1" else row["value"], "queries": queries,
+            "refused": row["refused_queries"], "found right": interval(row["found_right"], queries),
+            "found wrong": interval(row["found_wrong"], queries), "left out": counted(row["left_out_alarms"], row["left_out_queries"]),
+            "false alarms": counted(row["false_alarms"], row["absent_queries"]), "ms per query": round(1000 * row["seconds_per_query"])}
 
 
 def share(answers, accepts):
     return interval(sum(map(accepts, answers)) / len(answers), len(answers)) if answers else ""
 
 
-def parts_table(answers):
-    lines = ["| set | part | descriptor | protocol | queries | first hit right | found right | found wrong | left out, found |",
-             "|---|---|---|---|---|---|---|---|---|"]
+def rows_of_parts(answers):
     kinds = {real_set.folder: real_set.kinds for real_set in SETS}
     for (name, descriptor, protocol), group in by(answers, lambda a: (a.set, a.descriptor, a.protocol)):
         parts = [(f"half {half}", [a for a in group if a.half == half]) for half in (0, 1)]
         parts += [(f"{kind}*", [a for a in group if a.query.startswith(kind)]) for kind in kinds[name]]
         for part, all_of_it in parts:
             asked = [a for a in all_of_it if not a.left_out]
-            lines.append(f"| {name} | {part} | {descriptor} | {protocol} | {len(asked)} | {share(asked, lambda a: a.right)} "
-                         f"| {share(asked, lambda a: a.found and a.right)} | {share(asked, lambda a: a.found and not a.right)} "
-                         f"| {share([a for a in all_of_it if a.left_out], lambda a: a.found)} |")
-    return "\n".join(lines)
+            yield {"set": name, "part": part, "descriptor": descriptor, "protocol": protocol, "queries": len(asked),
+                   "first hit right": share(asked, lambda a: a.right), "found right": share(asked, lambda a: a.found and a.right),
+                   "found wrong": share(asked, lambda a: a.found and not a.right),
+                   "left out, found": share([a for a in all_of_it if a.left_out], lambda a: a.found)}
 
 
 def by(answers, key):
@@ -172,20 +191,16 @@ def calibration_error(answers):
     return sum(gaps) / len(answers)
 
 
-def reliability_table(answers):
+def rows_of_reliability(answers):
     answers = [a for a in answers if a.probability is not None and a.protocol != "unverified"]
-    lines = ["| descriptor | queries | " + " | ".join(f"{low} to {min(1, high)}" for low, high in zip(BINS, BINS[1:]))
-             + " | calibration error |", "|---|---|" + "---|" * len(BINS)]
     for descriptor, group in by(answers, lambda a: a.descriptor):
         for title, asked in (("with their object", [a for a in group if not a.left_out]),
                              ("without it", [a for a in group if a.left_out]), ("both", group)):
-            cells = []
-            for low, high in zip(BINS, BINS[1:]):
-                here = [a for a in asked if low <= a.probability < high]
-                cells.append(f"{sum(a.right for a in here)} of {len(here)}" if here else "")
+            bins = {f"{low} to {min(1, high)}": [a for a in asked if low <= a.probability < high] for low, high in zip(BINS, BINS[1:])}
             if asked:
-                lines.append(f"| {descriptor} | {title} | {' | '.join(cells)} | {calibration_error(asked):.3f} |")
-    return "\n".join(lines)
+                yield {"descriptor": descriptor, "queries": title, "answers": len(asked),
+                       **{name: counted(sum(a.right for a in here), len(here)) for name, here in bins.items()},
+                       "calibration error": calibration_error(asked)}
 
 
 def parse_arguments():
@@ -211,22 +226,15 @@ def main():
     options = parse_arguments()
     rows = []
     answers = []
-    for real_set in SETS:
-        if options.set and real_set.folder not in options.set:
-            continue
-        if not (options.real / real_set.folder).is_dir():
-            print(f"skipped {real_set.folder}: {options.real / real_set.folder} is not a folder", file=sys.stderr)
-            continue
+    for real_set in sets_below(options.real, options.set):
         measured, first = measure(real_set, options)
         rows += measured
         answers += first
         if options.json:
             options.json.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
-    if not rows:
-        sys.exit(f"{options.real} has none of the folders {', '.join(real_set.folder for real_set in SETS)}")
-    print(table(rows))
-    print("\n" + parts_table(answers))
-    print("\nRight answers of first hits by probability:\n\n" + reliability_table(answers))
+    print(markdown([row_of(row) for row in rows]))
+    print("\n" + markdown(list(rows_of_parts(answers))))
+    print("\nRight answers of first hits by probability:\n\n" + markdown(list(rows_of_reliability(answers))))
 
 
 if __name__ == "__main__":
