@@ -3,6 +3,7 @@
 // Search with verification, through the engine.
 #include <algorithm>
 #include <map>
+#include <random>
 
 #include <gtest/gtest.h>
 
@@ -138,6 +139,49 @@ TEST_P(EngineVerifyTest, GroupsPagesAndMinimumScore) {
       EXPECT_EQ(again.hits[i].score, stored.hits[i].score);
     }
   }
+}
+
+// The left half of one scene beside the right half of another.
+Image Halves(std::uint64_t left, std::uint64_t right) {
+  Image image = testing::RandomImage(left);
+  const Image other = testing::RandomImage(right);
+  const auto width = static_cast<std::size_t>(image.width);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    if (2 * (i % width) >= width) image.pixels[i] = other.pixels[i];
+  }
+  return image;
+}
+
+TEST_P(EngineVerifyTest, NoHitStandsBelowOneThatIsLessProbable) {
+  for (int i = 1; i <= kObjects; ++i) {  // siblings
+    Add(EncodePng(Halves(i, i % kObjects + 1)), kObjects + i, "a");
+  }
+  std::mt19937_64 random(11);
+  const auto draw = [&](int choices) { return static_cast<int>(random() % choices); };
+  std::map<bool, int> found;
+  for (int search = 0; search < 30; ++search) {
+    SCOPED_TRACE(search);
+    // Some halves are of no stored object.
+    const auto photo =
+        testing::NoisyPng(Halves(1 + draw(kObjects + 4), 1 + draw(kObjects + 4)), search);
+    SearchOptions options;
+    options.group_by = draw(2) == 0 ? GroupBy::kObject : GroupBy::kImage;
+    options.verify_depth = std::size_t{0} + draw(4);
+    options.max_instances = 1 + draw(3);
+    options.limit = 0;
+    const SearchResult all = engine_.Search(photo, options);
+    for (std::size_t i = 0; i < all.hits.size(); ++i) {
+      ASSERT_TRUE(all.hits[i].probability);
+      const Hit& before = all.hits[i == 0 ? 0 : i - 1];
+      EXPECT_GE(*before.probability, *all.hits[i].probability) << i;
+    }
+    ASSERT_TRUE(all.found);
+    const auto is_found = [&](const Hit& hit) { return *hit.probability >= all.found_from; };
+    EXPECT_EQ(*all.found, std::ranges::count_if(all.hits, is_found));
+    ++found[*all.found > 0];
+  }
+  EXPECT_GT(found[true], 5);
+  EXPECT_GT(found[false], 5);
 }
 
 TEST_P(EngineVerifyTest, AMirroredObjectIsFoundAsMirrored) {
