@@ -103,7 +103,7 @@ Response GetAlias(Service& service, const Request& request, const Parameters&) {
 
 Response PutAlias(Service& service, const Request& request, const Parameters& parameters) {
   const std::string& name = request.captures.at("a");
-  const std::string collection = parameters.Text("collection").value();
+  const std::string collection = parameters.Text("collection").value_or("");
   const bool created = !FindAlias(service, name);
   service.engine().ChangeAliases({{name, collection}});
   const auto now = FindAlias(service, name);

@@ -32,7 +32,7 @@ std::string Drawing(const QRcode& code) {
 }
 
 Response Draw(Service&, const Request&, const Parameters& parameters) {
-  const std::string text = parameters.Text("text").value();
+  const std::string text = parameters.Text("text").value_or("");
   if (text.size() > kMostTextBytes) {
     ThrowInvalid("text", fmt::format("text has {} bytes. A QR code takes up to {} here.",
                                      text.size(), kMostTextBytes));
