@@ -37,7 +37,7 @@ const Vocabulary& Checked(const std::shared_ptr<const Vocabulary>& vocabulary) {
 constexpr std::size_t kLookedInto = 40;
 constexpr double kGroupsARoot = 2;        // groups for the square root of the number of words
 constexpr std::size_t kClustered = 4096;  // words that k-medoids sees
-constexpr std::size_t kMeant = 131072;    // words whose means become centres
+constexpr std::size_t kMoving = 131072;   // words whose means the centres move to
 constexpr int kMoves = 3;
 
 bool Nearer(const NearWord& a, const NearWord& b) {
@@ -99,7 +99,7 @@ void MoveToMeans(const Descriptors& words, Descriptors* centres) {
 Descriptors MakeCentres(const Descriptors& words) {
   Descriptors centres = ChooseCentres(words);
   if (words.kind != DescriptorKind::kFloat) return centres;
-  const Descriptors some = SelectRows(words, DrawRows(AllRows(words.rows), kMeant, 2));
+  const Descriptors some = SelectRows(words, DrawRows(AllRows(words.rows), kMoving, 2));
   for (int i = 0; i < kMoves; ++i) MoveToMeans(some, &centres);
   return centres;
 }
