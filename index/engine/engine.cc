@@ -27,6 +27,18 @@ std::shared_ptr<const Descriptor> MakeDescriptorFor(const EngineOptions& options
                         options.descriptor_options);
 }
 
+// Where the index is saved; empty: nowhere.
+std::filesystem::path IndexFolder(const EngineOptions& options) {
+  if (!IsDatabaseUrl(options.database.string())) {
+    std::filesystem::path folder = std::filesystem::weakly_canonical(options.database);
+    return folder += ".index";
+  }
+  if (options.index_dir.empty()) return {};
+  const auto& [part, parts] = options.share;
+  return std::filesystem::weakly_canonical(options.index_dir) /
+         ("part-" + std::to_string(part) + "-of-" + std::to_string(parts));
+}
+
 // Of a query's preview and colours: a print of a quarter of the photo's width has as many as a
 // stored one.
 constexpr int kQueryPreviewSide = 4 * 128;
@@ -60,12 +72,10 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
   ranking.loading = options_.loading;
   ranking.warn = options_.warn;
   ranking.save_from = options_.save_index_from;
-  if (!IsDatabaseUrl(options_.database.string())) {
-    std::filesystem::path folder = std::filesystem::weakly_canonical(options_.database);
-    folder += ".index";
-    ranking.files = std::make_shared<IndexFiles>(std::move(folder), options_.reserve_bytes);
+  if (const std::filesystem::path folder = IndexFolder(options_); !folder.empty()) {
+    ranking.files = std::make_shared<IndexFiles>(folder, options_.reserve_bytes);
   }
-  ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(), std::move(ranking));
+  ranker_ = std::make_unique<MemoryRanker>(store_->OpenFeed(options_.share), std::move(ranking));
   if (options_.load_index) ranker_->Load();
   if (!options_.read_only) {
     store_->BeginWriting([this] { Follow(); });
@@ -81,6 +91,18 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
 }
 
 EngineCore::~EngineCore() { ranker_->Save(); }
+
+Ranking EngineCore::Rank(const CollectionView& view, const RankQuery& query,
+                         const RankOptions& options) {
+  Ranking ranking = options_.part_servers
+                        ? RankInParts(*options_.part_servers(), view, ranker_->followed(), query,
+                                      options)
+                        : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
+  for (auto* images : {&ranking.candidates, &ranking.best}) {
+    for (RankedImage& image : *images) image.ref.collection = view.collection;
+  }
+  return ranking;
+}
 
 void EngineCore::Follow() {
   try {
@@ -179,6 +201,16 @@ Engine::Engine(std::unique_ptr<EngineCore> core)
       core_(std::move(core)) {}
 
 Engine::~Engine() = default;
+
+std::string EngineSearch::RankPart(const IndexShare& share, const std::string& token,
+                                   const std::string& message, int threads) {
+  if (share != core_.options().share) {
+    throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not hold this part.");
+  }
+  return core_.part_answers().Answer(core_.ranker(), token, message, threads);
+}
+
+std::int64_t EngineSearch::followed() { return core_.ranker().followed(); }
 
 EngineStats EngineMaintenance::Stats() {
   EngineStats stats = core_.catalogue().Count();

@@ -21,6 +21,8 @@
 #include <vector>
 
 #include "descriptor/features/descriptor.h"
+#include "index/engine/index_parts.h"
+#include "index/records/index_share.h"
 #include "index/records/listing.h"
 #include "index/records/records.h"
 #include "index/records/search.h"
@@ -73,6 +75,12 @@ struct EngineOptions {
   // DATABASE.index: so the next start is fast, and processes share one copy. The files are derived
   // from the database and can be removed.
   std::size_t save_index_from = 256;
+  // Directory for the same files of a database on PostgreSQL; empty: none.
+  std::filesystem::path index_dir;
+  // The part of the index that this process holds, of a database on PostgreSQL. With parts, every
+  // search asks `part_servers`.
+  IndexShare share;
+  std::function<std::shared_ptr<PartServers>()> part_servers;
   // Called while the index loads with the share of the images in memory, 0..1, by the loading
   // thread.
   std::function<void(double share)> loading;
@@ -209,6 +217,14 @@ class EngineSearch {
   // = all cores. Throws what DecodeImage throws, kUnprocessable "too_few_features" that names the
   // image.
   Comparison Compare(Bytes first, Bytes second, int threads);
+
+  // Answers another process's search for the part of the index that this one holds (`token`,
+  // `message` and the answer: index_parts.h). Throws kNotFound "part_elsewhere" if it is not here,
+  // kConflict "part_changed", kInvalidArgument "peer_message_invalid".
+  std::string RankPart(const IndexShare& share, const std::string& token,
+                       const std::string& message, int threads);
+  // The state of the database that the index of this process has reached.
+  std::int64_t followed();
 
   // Where the object is in the image, as in the tracker. If the object has few images, all are
   // compared, otherwise those with the most similar visual words. Not found is no error. `threads`:

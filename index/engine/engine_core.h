@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "index/engine/engine.h"
+#include "index/engine/part_ranking.h"
 #include "index/rank/memory_ranker.h"
 #include "index/store/store.h"
 
@@ -33,6 +34,10 @@ class EngineCore {
   CollectionView View(const std::string& collection) {
     return ranker_->View(catalogue().RequireCollection(collection).name);
   }
+  // Of the whole index, in whatever processes it is.
+  Ranking Rank(const CollectionView& view, const RankQuery& query, const RankOptions& options);
+  PartAnswers& part_answers() { return part_answers_; }
+  const EngineOptions& options() const { return options_; }
   // Of a stored image; kNotFound "image_not_found".
   Features GetFeatures(const ImageRef& ref, const std::string& collection);
 
@@ -61,6 +66,7 @@ class EngineCore {
   bool limits_stored_ = false;  // also guarded by it, after the constructor
   std::unique_ptr<Store> store_;
   std::unique_ptr<MemoryRanker> ranker_;  // follows store_; destroyed before it
+  PartAnswers part_answers_;
   std::jthread follower_;                 // last: it uses the ranker
 };
 

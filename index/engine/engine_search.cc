@@ -13,6 +13,7 @@
 #include "descriptor/base/parallel.h"
 #include "descriptor/base/stopwatch.h"
 #include "descriptor/features/enlarged_keypoints.h"
+#include "descriptor/features/keypoints.h"
 #include "index/engine/engine_core.h"
 #include "index/engine/search_run.h"
 #include "index/files/text.h"
@@ -203,7 +204,7 @@ SearchResult Answer(EngineCore& core, const CollectionView& view, Features featu
   };
   features = of_region(std::move(features));
   CheckQuery(features, options.region);
-  SearchRun run(&core.ranker(), &core.catalogue(), view, features, options);
+  SearchRun run(&core, view, features, options);
   SearchResult result = run.Run(features);
   std::size_t keypoints = features.keypoints.size();
   ExtractionTimings extraction = timings;
@@ -282,7 +283,10 @@ std::vector<ImageRef> MostSimilar(EngineCore& core, const Features& query,
   options.keep = kMostCompared;
   options.threads = threads;
   options.admission = core.catalogue().Admit(view.collection, object, {}, {});
-  const Ranking ranking = core.ranker().Rank(view, {query, Bow()}, options);
+  const Ranking ranking = core.Rank(
+      view,
+      NeighboursOf(query.descriptors, ContrastWeights(query.keypoints), *view.quantizer, threads),
+      options);
   if (ranking.best.empty()) return some;
   some.clear();
   for (const RankedImage& image : ranking.best) some.push_back(image.ref);
@@ -407,6 +411,7 @@ SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_
     result.words = one.words;
     result.keypoints += one.keypoints;
     if (one.found) result.found = 0;
+    result.searched = std::min(result.searched, one.searched);
     result.found_from = one.found_from;
     merger.Add(id, std::move(one.hits));
   }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "descriptor/base/stopwatch.h"
+#include "descriptor/features/keypoints.h"
 #include "index/store/blob_codec.h"
 #include "index/verify/suppression.h"
 #include "index/verify/verification.h"
@@ -158,35 +159,32 @@ std::optional<Features> CandidateCache::LoadFeatures(std::int64_t version) const
   return features;
 }
 
-SearchRun::SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
-                     const Features& query, const SearchOptions& options)
-    : ranker_(*ranker),
-      source_(*source),
+SearchRun::SearchRun(EngineCore* core, const CollectionView& view, const Features& query,
+                     const SearchOptions& options)
+    : core_(*core),
       view_(view),
       query_(query),
       options_(options),
-      bow_([&] {
-        const ScopedStopwatch watch(&timings_.quantize_ms);
-        return Quantize(query);
-      }()),
+      ranked_by_(ToRankQuery()),
       rank_([&] {
         const ScopedStopwatch watch(&timings_.rank_ms);
         return ToRankOptions();
       }()),
-      cache_(source, &rank_.admission, query.model_id),
+      cache_(&core->catalogue(), &rank_.admission, query.model_id),
       ranking_(Rank(rank_)),
-      found_from_(source->RequireCollection(options.collection).found_from) {}
+      found_from_(core->catalogue().RequireCollection(options.collection).found_from) {}
 
 Ranking SearchRun::Rank(const RankOptions& options) {
   const ScopedStopwatch watch(&timings_.rank_ms);
-  return ranker_.Rank(view_, {query_, bow_}, options);
+  return core_.Rank(view_, ranked_by_, options);
 }
 
 SearchResult SearchRun::Run(const Features& features) {
   Ranking ranking = ranking_;
   std::vector<VerifiedImage> hits = Verified(features, &ranking);
   SearchResult result;
-  result.rank = rank_.method;
+  result.rank = options_.rank;
+  result.searched = ranking.searched;
   result.found_from = found_from_;
   result.total = hits.size() + ranking.total;
   if (!hits.empty()) result.evidence = hits.front().evidence;
@@ -209,7 +207,7 @@ SearchResult SearchRun::Run(const Features& features) {
 
 std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking* ranking) {
   CandidateVerifier verifier(features, query_.keypoints.size(), options_, &cache_, &timings_);
-  depth_ = rank_.candidates;
+  depth_ = ranking->depth;
   Fetch(verifier);
   if (!Verifies(options_)) return {};
   std::vector<VerifiedImage> hits = verifier.Verify(std::move(ranking->candidates));
@@ -224,28 +222,34 @@ std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking
 }
 
 bool SearchRun::KnowsProbabilities() const {
-  return Verifies(options_) && rank_.method == RankMethod::kNeighbours;
+  return Verifies(options_) && options_.rank == RankMethod::kNeighbours;
 }
 
-// Only histograms need words.
-Bow SearchRun::Quantize(const Features& features) const {
-  if (options_.rank != RankMethod::kHistogram) return {};
-  return MakeBow(view_.quantizer->Assign(features.descriptors, options_.threads));
+RankQuery SearchRun::ToRankQuery() {
+  if (options_.rank == RankMethod::kHistogram) {
+    const ScopedStopwatch watch(&timings_.quantize_ms);
+    return {.method = RankMethod::kHistogram,
+            .bow = MakeBow(view_.quantizer->Assign(query_.descriptors, options_.threads))};
+  }
+  const ScopedStopwatch watch(&timings_.rank_ms);
+  return NeighboursOf(query_.descriptors, ContrastWeights(query_.keypoints), *view_.quantizer,
+                      options_.threads);
 }
 
 RankOptions SearchRun::ToRankOptions() const {
   RankOptions rank;
-  rank.method = options_.rank;
   rank.group_by = options_.group_by;
   rank.keep = options_.limit == 0 ? 0 : options_.offset + options_.limit;
   rank.min_score = options_.min_score;
   rank.threads = options_.threads;
+  rank.partial = options_.partial;
   rank.admission =
-      source_.Admit(view_.collection, options_.object, options_.filter, options_.without);
+      core_.catalogue().Admit(view_.collection, options_.object, options_.filter, options_.without);
   if (Verifies(options_)) {
     // Does not depend on the page, so that pages fit together.
-    rank.candidates = options_.verify_depth != 0 ? options_.verify_depth
-                                                 : DefaultVerifyDepth(ranker_.Size(view_));
+    rank.candidates = [depth = options_.verify_depth](std::size_t images) {
+      return depth != 0 ? depth : DefaultVerifyDepth(images);
+    };
   }
   return rank;
 }
@@ -271,7 +275,7 @@ void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedIm
   depth_ *= kDeeper;
   if (!deeper_) {
     RankOptions deeper = rank_;
-    deeper.candidates = depth_;
+    deeper.candidates = [depth = depth_](std::size_t) { return depth; };
     deeper_ = Rank(deeper);
   }
   *ranking = *deeper_;

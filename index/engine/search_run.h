@@ -13,7 +13,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "index/rank/memory_ranker.h"
+#include "index/engine/engine_core.h"
 #include "index/rank/ranking.h"
 #include "index/records/search.h"
 #include "index/store/catalogue.h"
@@ -59,8 +59,8 @@ void Judge(const Hits& hits, SearchResult* result) {
 class SearchRun {
  public:
   // All must outlive it. The view must have a vocabulary. Ranks by `query`.
-  SearchRun(MemoryRanker* ranker, Catalogue* source, const CollectionView& view,
-            const Features& query, const SearchOptions& options);
+  SearchRun(EngineCore* core, const CollectionView& view, const Features& query,
+            const SearchOptions& options);
 
   // Verifies with `features`: the query, or in a second pass the added features. Timings include
   // all passes so far.
@@ -71,7 +71,7 @@ class SearchRun {
 
  private:
   bool KnowsProbabilities() const;
-  Bow Quantize(const Features& features) const;
+  RankQuery ToRankQuery();
   RankOptions ToRankOptions() const;
   Ranking Rank(const RankOptions& options);
   void Fetch(const CandidateVerifier& verifier);
@@ -81,13 +81,12 @@ class SearchRun {
                     Ranking* ranking);
   std::vector<Hit> PageOf(std::vector<VerifiedImage> hits);
 
-  MemoryRanker& ranker_;
-  Catalogue& source_;
+  EngineCore& core_;
   const CollectionView& view_;
   const Features& query_;
   const SearchOptions& options_;
   SearchTimings timings_;  // declared before the members that it times
-  const Bow bow_;
+  const RankQuery ranked_by_;
   const RankOptions rank_;
   CandidateCache cache_;
   // The ranking by the query, for all passes.

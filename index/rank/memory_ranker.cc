@@ -9,8 +9,6 @@
 #include <vector>
 
 #include "descriptor/base/error.h"
-#include "descriptor/features/keypoints.h"
-#include "index/rank/ranking.h"
 #include "index/store/refusals.h"
 
 namespace pliant {
@@ -48,7 +46,7 @@ CollectionView MemoryRanker::View(const std::string& collection) {
     const auto found = entries_.find(collection);
     if (found == entries_.end()) throw refusals::NoCollection(collection);
     const Entry& entry = found->second;
-    if (entry.is_current() || (entry.shown && entry.loading)) return ViewOf(entry);
+    if (entry.is_current() || (entry.shown && entry.loading)) return ViewOf(collection, entry);
     if (entry.loading) {
       changed_.wait(lock);
     } else {
@@ -57,28 +55,10 @@ CollectionView MemoryRanker::View(const std::string& collection) {
   }
 }
 
-CollectionView MemoryRanker::ViewOf(const Entry& entry) {
+CollectionView MemoryRanker::ViewOf(const std::string& name, const Entry& entry) {
   const Loaded& shown = *entry.shown;
-  return {shown.collection, shown.vocabulary, shown.quantizer,
+  return {name, shown.collection, shown.vocabulary, shown.quantizer,
           shown.index ? shown.index->snapshot() : nullptr};
-}
-
-std::size_t MemoryRanker::Size(const CollectionView& view) const {
-  return view.snapshot ? view.snapshot->images : 0;
-}
-
-Ranking MemoryRanker::Rank(const CollectionView& view, const RankQuery& query,
-                           const RankOptions& options) const {
-  const IndexSnapshot& snapshot = *view.snapshot;
-  const std::vector<float> weights = ContrastWeights(query.features.keypoints);
-  Ranking ranking = options.method == RankMethod::kHistogram
-                        ? RankByHistogram(snapshot, query.bow, options)
-                        : RankByNeighbours(snapshot, *view.quantizer,
-                                           {query.features.descriptors, weights}, options);
-  for (auto* images : {&ranking.candidates, &ranking.best}) {
-    for (RankedImage& image : *images) image.ref.collection = view.collection;
-  }
-  return ranking;
 }
 
 void MemoryRanker::Load() {

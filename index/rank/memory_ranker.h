@@ -44,11 +44,6 @@ class MemoryRanker {
   // The present state: with all writes of this process and, unless a collection is just being
   // reloaded, of others. kNotFound "collection_not_found".
   CollectionView View(const std::string& collection);
-  std::size_t Size(const CollectionView& view) const;  // images; 0 without vocabulary
-  // The view must have a vocabulary.
-  Ranking Rank(const CollectionView& view, const RankQuery& query,
-               const RankOptions& options) const;
-
   // Loads everything, so that the first search does not wait.
   void Load();
   // Call it after each commit of this process, before its writer returns: later views show the
@@ -98,7 +93,7 @@ class MemoryRanker {
   std::optional<Loaded> TakePrepared(Key collection, Key vocabulary);
   void LoadEntry(const std::string& name, Lock& lock);  // releases the lock while it loads
   void LoadAll(Lock& lock);
-  static CollectionView ViewOf(const Entry& entry);
+  static CollectionView ViewOf(const std::string& name, const Entry& entry);
   // One that has at least so many changes that are not saved.
   Loaded* Unsaved(std::int64_t changes);
 

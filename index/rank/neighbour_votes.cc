@@ -22,14 +22,11 @@ double Root(double descriptors) { return std::sqrt(std::max(kLeastDescriptors, d
 
 }  // namespace
 
-NeighbourQuery::NeighbourQuery(const Quantizer& quantizer, const Voters& voters,
-                               const NeighbourOptions& options)
-    : voters_(voters), bias_step_(quantizer.coder()->bias_step()) {
+NeighbourQuery::NeighbourQuery(const ResidualCoder& coder, const Voters& voters,
+                               std::span<const NearWord> words, const NeighbourOptions& options)
+    : voters_(voters), bias_step_(coder.bias_step()) {
   const Descriptors& descriptors = voters.descriptors;
   if (descriptors.rows == 0) return;
-  const ResidualCoder& coder = *quantizer.coder();
-  const std::vector<NearWord> words =
-      quantizer.NearestWords(descriptors, options.cells, options.threads);
   const std::size_t cells_per_row = words.size() / descriptors.rows;
   cells_.reserve(words.size());
   double most = 0;
@@ -108,15 +105,10 @@ void KeepBest(std::vector<Vote>* votes) {
   votes->erase(std::unique(votes->begin(), votes->end(), same), votes->end());
 }
 
-void NeighbourQuery::Weigh(std::span<std::vector<Vote>> votes_of_lists) const {
-  std::vector<std::uint32_t> images(limits_.size(), 0);
-  for (const std::vector<Vote>& votes : votes_of_lists) {
-    for (const Vote& vote : votes) ++images[vote.row];
-  }
-  for (std::vector<Vote>& votes : votes_of_lists) {
-    for (Vote& vote : votes) {
-      vote.weight *= WeightOf(vote.row) / std::sqrt(static_cast<float>(images[vote.row]));
-    }
+void NeighbourQuery::Weigh(std::span<const std::uint32_t> images_of_row,
+                           std::vector<Vote>* votes) const {
+  for (Vote& vote : *votes) {
+    vote.weight *= WeightOf(vote.row) / std::sqrt(static_cast<float>(images_of_row[vote.row]));
   }
 }
 

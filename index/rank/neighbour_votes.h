@@ -57,8 +57,10 @@ struct Vote {
 // thread-safe.
 class NeighbourQuery {
  public:
-  // The quantizer must have a coder. The data in `voters` must outlive it.
-  NeighbourQuery(const Quantizer& quantizer, const Voters& voters, const NeighbourOptions& options);
+  // `words`: the nearest words of each row (Quantizer::NearestWords), row by row. The data in
+  // `voters` must outlive it.
+  NeighbourQuery(const ResidualCoder& coder, const Voters& voters, std::span<const NearWord> words,
+                 const NeighbourOptions& options);
 
   // Appends the votes for the lists' living images, in no order, perhaps several of a row for one
   // image (KeepBest). Slice `slice` of `slices` scans its share of the cells. `dead`: nullptr = all
@@ -67,8 +69,8 @@ class NeighbourQuery {
                std::size_t slices, std::vector<Vote>* votes) const;
 
   // Multiplies each vote by the weight of its row, and divides it by the square root of the number
-  // of votes of its row, over all the lists.
-  void Weigh(std::span<std::vector<Vote>> votes_of_lists) const;
+  // of images for which its row votes, over all lists.
+  void Weigh(std::span<const std::uint32_t> images_of_row, std::vector<Vote>* votes) const;
 
   // The score of an image with `descriptors` descriptors whose votes add up to `sum`: 1 for a copy
   // of the query that resembles nothing else.

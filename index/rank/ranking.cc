@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <span>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 
 #include "descriptor/base/parallel.h"
 
@@ -68,36 +70,53 @@ bool IsBetter(const Candidate& a, const Candidate& b) {
   return a.id() < b.id();
 }
 
-std::vector<Candidate> BestOfEachObject(std::span<const Candidate> candidates,
-                                        const std::unordered_set<std::int64_t>& but_not) {
-  std::vector<Candidate> best;
-  std::unordered_map<std::int64_t, std::size_t> position;  // of an object in `best`
-  for (const Candidate& candidate : candidates) {
-    const std::int64_t object = candidate.image().object;
-    if (object != 0) {
-      if (but_not.contains(object)) continue;
+bool IsBetter(const RankedImage& a, const RankedImage& b) {
+  if (a.score != b.score) return a.score > b.score;
+  return a.ref.id < b.ref.id;
+}
+
+Key ObjectOf(const Candidate& candidate) { return candidate.image().object; }
+Key ObjectOf(const RankedImage& image) { return image.object; }
+
+// Each object once, by its best image, and the images without an object.
+template <typename Image>
+std::vector<Image> BestOfEachObject(std::vector<Image> images) {
+  std::vector<Image> best;
+  std::unordered_map<Key, std::size_t> position;  // of an object in `best`
+  for (Image& image : images) {
+    if (const Key object = ObjectOf(image); object != 0) {
       const auto [found, is_new] = position.try_emplace(object, best.size());
       if (!is_new) {
-        Candidate& held = best[found->second];
-        if (IsBetter(candidate, held)) held = candidate;
+        Image& held = best[found->second];
+        if (IsBetter(image, held)) held = std::move(image);
         continue;
       }
     }
-    best.push_back(candidate);
+    best.push_back(std::move(image));
   }
   return best;
 }
 
 // The best `count` in order at the front, the others in any order.
-void SortBest(std::span<Candidate> candidates, std::size_t count) {
+template <typename Image>
+void SortBest(std::vector<Image>* images, std::size_t count) {
   if (count == 0) return;
-  if (count < candidates.size()) {
-    std::nth_element(candidates.begin(),
-                     candidates.begin() + static_cast<std::ptrdiff_t>(count - 1), candidates.end(),
-                     IsBetter);
-    candidates = candidates.first(count);
+  const auto better = [](const Image& a, const Image& b) { return IsBetter(a, b); };
+  auto end = images->end();
+  if (count < images->size()) {
+    end = images->begin() + static_cast<std::ptrdiff_t>(count);
+    std::nth_element(images->begin(), end - 1, images->end(), better);
   }
-  std::sort(candidates.begin(), candidates.end(), IsBetter);
+  std::sort(images->begin(), end, better);
+}
+
+// Removes the first `count`, or all if there are fewer.
+template <typename Image>
+std::vector<Image> TakeFirst(std::vector<Image>* images, std::size_t count) {
+  const auto end = images->begin() + static_cast<std::ptrdiff_t>(std::min(count, images->size()));
+  std::vector<Image> first(std::make_move_iterator(images->begin()), std::make_move_iterator(end));
+  images->erase(images->begin(), end);
+  return first;
 }
 
 std::vector<RankedImage> Named(std::span<const Candidate> candidates) {
@@ -109,39 +128,88 @@ std::vector<RankedImage> Named(std::span<const Candidate> candidates) {
   return named;
 }
 
-// Of the candidates of all parts.
-Ranking Chosen(const std::vector<std::vector<Candidate>>& parts, const RankOptions& options) {
-  Ranking ranking;
-  std::vector<Candidate> all;
-  for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
-  const std::size_t apart = std::min(options.candidates, all.size());
-  SortBest(all, apart);
-  const auto others = all.begin() + static_cast<std::ptrdiff_t>(apart);
-  ranking.candidates = Named({all.begin(), others});
-  std::vector<Candidate> rest(others, all.end());
-  std::erase_if(rest, [&](const Candidate& c) { return c.score < options.min_score; });
+PartRanking Chosen(std::vector<Candidate> images, std::size_t candidates,
+                   const RankOptions& options) {
+  PartRanking ranking;
+  SortBest(&images, candidates);
+  ranking.candidates = Named(TakeFirst(&images, candidates));
+  std::erase_if(images, [&](const Candidate& c) { return c.score < options.min_score; });
   if (options.group_by == GroupBy::kObject) {
-    std::unordered_set<std::int64_t> shown;
-    for (const RankedImage& candidate : ranking.candidates) shown.insert(candidate.object);
-    rest = BestOfEachObject(rest, shown);
+    images = BestOfEachObject(std::move(images));
+    for (const Candidate& image : images) {
+      if (ObjectOf(image) != 0) ranking.objects.push_back(ObjectOf(image));
+    }
   }
-  ranking.total = rest.size();
-  const std::size_t keep = options.keep == 0 ? rest.size() : std::min(options.keep, rest.size());
-  SortBest(rest, keep);
-  ranking.best = Named(std::span(rest).first(keep));
+  ranking.alone = images.size() - ranking.objects.size();
+  // Objects of candidates from other parts fall out later.
+  const std::size_t keep = options.keep == 0 ? images.size() : options.keep + candidates;
+  SortBest(&images, keep);
+  ranking.best = Named(TakeFirst(&images, keep));
   return ranking;
+}
+
+// Number of objects in any of the lists, without some. Sorts the lists.
+std::size_t CountObjects(std::span<std::vector<Key>> lists,
+                         const std::unordered_set<Key>& but_not) {
+  std::vector<Key> all;
+  for (std::vector<Key>& list : lists) {
+    if (all.empty()) {
+      all = std::move(list);
+      continue;
+    }
+    if (list.empty()) continue;
+    std::ranges::sort(all);
+    std::ranges::sort(list);
+    std::vector<Key> both;
+    std::ranges::set_union(all, list, std::back_inserter(both));
+    all = std::move(both);
+  }
+  return static_cast<std::size_t>(
+      std::ranges::count_if(all, [&](Key object) { return !but_not.contains(object); }));
 }
 
 }  // namespace
 
-Ranking RankByHistogram(const IndexSnapshot& snapshot, const Bow& query,
-                        const RankOptions& options) {
-  std::vector<std::vector<Candidate>> found(snapshot.parts.size());
-  const int threads = query.total * snapshot.images < kDescriptorsForThreads ? 1 : options.threads;
-  ParallelFor(found.size(), threads, [&](std::size_t i) {
-    ScorePart(snapshot.parts[i], query, options.admission, &found[i]);
-  });
-  return Chosen(found, options);
+Ranking Merge(std::vector<PartRanking> parts, std::size_t candidates, const RankOptions& options) {
+  Ranking ranking;
+  ranking.depth = candidates;
+  std::vector<RankedImage> images;
+  std::vector<std::vector<Key>> objects;
+  for (PartRanking& part : parts) {
+    std::ranges::move(part.candidates, std::back_inserter(images));
+    objects.push_back(std::move(part.objects));
+    ranking.total += part.alone;
+  }
+  SortBest(&images, candidates);
+  ranking.candidates = TakeFirst(&images, candidates);
+  std::erase_if(images, [&](const RankedImage& image) { return image.score < options.min_score; });
+  const bool by_object = options.group_by == GroupBy::kObject;
+  std::unordered_set<Key> shown;
+  if (by_object) {
+    for (const RankedImage& image : ranking.candidates) shown.insert(image.object);
+    shown.erase(0);
+  }
+  std::vector<Key> of_others;
+  for (const RankedImage& image : images) {
+    if (by_object && image.object != 0) {
+      of_others.push_back(image.object);
+    } else {
+      ++ranking.total;
+    }
+  }
+  std::ranges::sort(of_others);
+  of_others.erase(std::unique(of_others.begin(), of_others.end()), of_others.end());
+  objects.push_back(std::move(of_others));
+  ranking.total += CountObjects(objects, shown);
+  for (PartRanking& part : parts) std::ranges::move(part.best, std::back_inserter(images));
+  if (by_object) {
+    std::erase_if(images, [&](const RankedImage& image) { return shown.contains(image.object); });
+    images = BestOfEachObject(std::move(images));
+  }
+  const std::size_t keep = options.keep == 0 ? images.size() : options.keep;
+  SortBest(&images, keep);
+  ranking.best = TakeFirst(&images, keep);
+  return ranking;
 }
 
 std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
@@ -164,25 +232,60 @@ std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
   return votes;
 }
 
-Ranking RankByNeighbours(const IndexSnapshot& snapshot, const Quantizer& quantizer,
-                         const Voters& voters, const RankOptions& options) {
-  NeighbourOptions neighbours;
-  neighbours.threads = options.threads;
-  if (quantizer.vocabulary().size() >= kManyWords) neighbours.cells = kCellsOfManyWords;
-  const NeighbourQuery query(quantizer, voters, neighbours);
-  std::vector<std::vector<Vote>> votes = CollectVotes(query, snapshot, options.threads);
-  query.Weigh(votes);
-  std::vector<std::vector<Candidate>> found(votes.size());
-  ParallelFor(votes.size(), options.threads, [&](std::size_t i) {
-    const IndexSegment& segment = *snapshot.parts[i].segment;
+RankQuery NeighboursOf(Descriptors descriptors, std::vector<float> weights,
+                       const Quantizer& quantizer, int threads) {
+  RankQuery query;
+  const bool has_many = quantizer.vocabulary().size() >= kManyWords;
+  const int cells = has_many ? kCellsOfManyWords : NeighbourOptions().cells;
+  if (descriptors.rows > 0) query.words = quantizer.NearestWords(descriptors, cells, threads);
+  query.descriptors = std::move(descriptors);
+  query.weights = std::move(weights);
+  return query;
+}
+
+PartRanker::PartRanker(const IndexSnapshot& snapshot, const Quantizer& quantizer,
+                       const RankQuery& query, int threads)
+    : snapshot_(snapshot), query_(query) {
+  if (query.method == RankMethod::kHistogram) return;
+  neighbours_.emplace(*quantizer.coder(), Voters{query.descriptors, query.weights}, query.words,
+                      NeighbourOptions{.threads = threads});
+  votes_ = CollectVotes(*neighbours_, snapshot, threads);
+  voted_.resize(query.descriptors.rows);
+  for (const std::vector<Vote>& votes : votes_) {
+    for (const Vote& vote : votes) ++voted_[vote.row];
+  }
+}
+
+PartRanking PartRanker::Rank(std::span<const std::uint32_t> voted, std::size_t candidates,
+                             const RankOptions& options) {
+  std::vector<std::vector<Candidate>> found(snapshot_.parts.size());
+  const bool is_small =
+      !neighbours_ && query_.bow.total * snapshot_.images < kDescriptorsForThreads;
+  ParallelFor(found.size(), is_small ? 1 : options.threads, [&](std::size_t i) {
+    if (!neighbours_) {
+      return ScorePart(snapshot_.parts[i], query_.bow, options.admission, &found[i]);
+    }
+    neighbours_->Weigh(voted, &votes_[i]);
+    const IndexSegment& segment = *snapshot_.parts[i].segment;
     std::vector<float> sums(segment.size(), 0.0F);
-    SumVotes(&votes[i], &sums);
+    SumVotes(&votes_[i], &sums);
     for (std::uint32_t p = 0; p < sums.size(); ++p) {
       if (sums[p] <= 0 || !options.admission.Admits(segment[p].key, segment[p].object)) continue;
-      found[i].push_back({&segment, p, query.Score(sums[p], segment[p].keypoints)});
+      found[i].push_back({&segment, p, neighbours_->Score(sums[p], segment[p].keypoints)});
     }
   });
-  return Chosen(found, options);
+  std::vector<Candidate> images;
+  for (const auto& part : found) images.insert(images.end(), part.begin(), part.end());
+  return Chosen(std::move(images), candidates, options);
+}
+
+Ranking Rank(const IndexSnapshot& snapshot, const Quantizer& quantizer, const RankQuery& query,
+             const RankOptions& options) {
+  PartRanker ranker(snapshot, quantizer, query, options.threads);
+  const std::size_t candidates = options.candidates ? options.candidates(snapshot.images) : 0;
+  std::vector<PartRanking> parts;
+  parts.push_back(ranker.Rank(ranker.voted(), candidates, options));
+  return Merge(std::move(parts), candidates, options);
 }
 
 }  // namespace pliant

@@ -36,8 +36,8 @@ struct IndexedImage {
   Bow bow;
 };
 
-// The images of a collection that a search admits. Data, not a function, so that it can be sent to
-// a ranker in another process.
+// The images of a collection that a search admits. Its keys can be sent to a ranker in another
+// process.
 struct Admission {
   // As requested.
   std::optional<std::string> object;  // only its images; "" = images without an object

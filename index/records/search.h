@@ -70,6 +70,7 @@ struct SearchOptions {
   Filter filter;                      // only images whose metadata pass
   std::vector<std::string> without;   // ids of excluded images; at most kMaxExcluded
   bool explain = false;               // fill Hit::explanation
+  bool partial = false;               // also if some parts of the index do not answer
   int threads = 0;                    // to describe the query; 0 = all cores
 };
 
@@ -126,6 +127,7 @@ struct SearchResult {
   // Nothing is found, but the first hit has kPerhapsProbability or more: similar objects share the
   // probability, or little of the object is visible.
   bool perhaps = false;
+  double searched = 1;       // share of the index that was ranked (SearchOptions::partial)
   double evidence = 0;       // of the first hit over all pages (VerifiedImage)
   bool second_pass = false;  // a second pass was made; this can be either pass's result
   bool mirrored = false;     // the query shows the first hit mirrored, as a selfie does

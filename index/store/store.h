@@ -9,6 +9,7 @@
 #include <optional>
 #include <thread>
 
+#include "index/records/index_share.h"
 #include "index/store/catalogue.h"
 #include "index/store/change_feed.h"
 #include "index/store/writer.h"
@@ -39,7 +40,8 @@ class Store {
 
   Catalogue& catalogue() { return catalogue_; }
   Writer& writer() { return writer_; }
-  std::unique_ptr<ChangeFeed> OpenFeed();  // must not outlive the store
+  // Of the images of a share. Must not outlive the store.
+  std::unique_ptr<ChangeFeed> OpenFeed(const IndexShare& share = {});
 
  private:
   const std::unique_ptr<Access> access_;

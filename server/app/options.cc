@@ -55,6 +55,13 @@ const Flag kFlags[] = {
      "process,inside"},
     {"--log-level", &O::log_level, "debug, info, warn or error", 0, 0, "debug,info,warn,error"},
     {"--log-format", &O::log_format, "text, or json: one object per line", 0, 0, "text,json"},
+    {"--index-dir", &O::index_dir,
+     "Directory where the index of a PostgreSQL database is saved, so that starts are fast; "
+     "default: "
+     "none"},
+    {"--part", &O::part,
+     "Part of the index that this server holds, for example 1/4; needs --peers; default: all"},
+    {"--peers", &O::peers, "File (TOML) with the servers of all parts"},
     {"--import-dir", &O::import_dir,
      "Directory whose folders can be imported over HTTP; default: none"},
     {"--backup-dir", &O::backup_dir, "Directory for backups over HTTP; default: none"},
@@ -221,6 +228,14 @@ bool AllLoopback(const std::string& host) {
   return all;
 }
 
+// Throws nothing: CheckParts has.
+IndexShare ParsePart(const std::string& text) {
+  const std::size_t slash = text.find('/');
+  if (slash == std::string::npos) return {};
+  return {.part = NumberOf<int>(text.substr(0, slash)).value_or(0),
+          .parts = NumberOf<int>(text.substr(slash + 1)).value_or(0)};
+}
+
 EngineOptions MakeEngineOptions(const ServerOptions& options) {
   EngineOptions engine;
   engine.database = options.database;
@@ -233,6 +248,8 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   engine.extraction.decode.max_decode_bytes =
       std::int64_t{options.max_decode_mb} * std::int64_t{kMiB};
   engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
+  engine.index_dir = options.index_dir;
+  engine.share = ParsePart(options.part);
   if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
   if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
   return engine;
@@ -261,6 +278,28 @@ void CheckDirectories(const ServerOptions& options) {
                            " contains the database: clients could download and delete it as a "
                            "backup. Use another directory, such as " +
                            (fs::path(options.backup_dir) / "backups").string());
+  }
+}
+
+void CheckParts(const ServerOptions& options) {
+  constexpr int kMostParts = 4096;
+  const bool on_server = IsDatabaseUrl(options.database);
+  for (const auto& [flag, value] :
+       {std::pair{"index-dir", options.index_dir}, std::pair{"part", options.part},
+        std::pair{"peers", options.peers}}) {
+    if (!value.empty() && !on_server) Fail(flag, "needs a database on PostgreSQL");
+  }
+  std::error_code ignored;
+  if (!options.index_dir.empty() && !std::filesystem::is_directory(options.index_dir, ignored)) {
+    Fail("index-dir", "is not a directory: " + options.index_dir);
+  }
+  if (options.part.empty() != options.peers.empty()) {
+    Fail(options.part.empty() ? "peers" : "part", "needs --part and --peers together");
+  }
+  const IndexShare share = ParsePart(options.part);
+  if (share.part < 1 || share.part > share.parts || share.parts > kMostParts ||
+      (!options.part.empty() && options.part.find('/') == std::string::npos)) {
+    Fail("part", "must be like 1/4, not '" + options.part + "'");
   }
 }
 
@@ -338,6 +377,7 @@ void CheckOptions(const ServerOptions& options) {
          "is missing: HTTPS needs both --tls-cert and --tls-key");
   }
   CheckFetching(options);
+  CheckParts(options);
   CheckEach("allowed-hosts", options.allowed_hosts, R"(\*|[A-Za-z0-9._\-]+)",
             "must be comma-separated names like images.example, without scheme and port, or *");
   CheckEach("cors-origins", options.cors_origins, R"(\*|https?://[A-Za-z0-9.\-\[\]:]+)",
@@ -404,6 +444,7 @@ ServiceOptions MakeServiceOptions(const ServerOptions& options) {
           .pool = {.cores = options.cores,
                    .queue_length = options.queue_length,
                    .queue_timeout = std::chrono::seconds(options.queue_timeout_s)},
+          .peers = options.peers,
           .auto_train = options.auto_train,
           .import_dir = options.import_dir,
           .backup_dir = options.backup_dir,

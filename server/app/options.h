@@ -56,6 +56,10 @@ struct ServerOptions {
   std::string log_level = "info";   // debug, info, warn, error
   std::string log_format = "text";  // text, json
 
+  std::string index_dir;  // of a database on PostgreSQL: where its index is saved; empty = nowhere
+  std::string part;       // "1/4": the part of the index that this server holds; empty = all
+  std::string peers;      // file with the servers of all parts (PeerLayout); empty = none
+
   std::string import_dir;     // images can be imported from below it; empty = off
   std::string backup_dir;     // backups over HTTP go there; empty = off
   std::string tls_cert;       // PEM file; empty = no TLS

@@ -81,7 +81,7 @@ Json KeyJson(const ApiKeyRecord& key) {
 }
 
 std::optional<Scope> ScopeFromName(const std::string& name) {
-  for (const Scope scope : {Scope::kRead, Scope::kWrite, Scope::kAdmin}) {
+  for (const Scope scope : {Scope::kRead, Scope::kWrite, Scope::kAdmin, Scope::kPeer}) {
     if (name == ScopeName(scope)) return scope;
   }
   return std::nullopt;

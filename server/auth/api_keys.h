@@ -33,7 +33,7 @@ void CheckKeyName(const std::string& name);
 // {"id", "name", "scope", "created_at", "revoked_at": a time or null}
 Json KeyJson(const ApiKeyRecord& key);
 
-// "read", "write", "admin"; nothing for other words.
+// "read", "write", "admin", "peer"; nothing for other words.
 std::optional<Scope> ScopeFromName(const std::string& name);
 
 // The current keys of a database: changes by the command line count from the next request on.

@@ -54,7 +54,9 @@ void Gate::Admit(const Route& route, Request& request) {
                          "create.");
     }
     request.caller = *caller;
-    if (caller->scope < route.scope) {
+    const bool for_peers = route.scope == Scope::kPeer;
+    if (for_peers || caller->scope == Scope::kPeer ? caller->scope != route.scope
+                                                   : caller->scope < route.scope) {
       throw ProblemError("forbidden",
                          fmt::format("This route needs a key with scope {}. This key has scope {}.",
                                      ScopeName(route.scope), ScopeName(caller->scope)));
@@ -62,7 +64,7 @@ void Gate::Admit(const Route& route, Request& request) {
   } else {
     request.caller = {.scope = Scope::kAdmin};
   }
-  if (limit_ == 0) return;
+  if (limit_ == 0 || route.scope == Scope::kPeer) return;
   const auto taken = limiter_.Take(open ? request.remote_address : request.caller.key_id);
   request.answer_headers = {{"RateLimit-Limit", std::to_string(limit_)},
                             {"RateLimit-Remaining", std::to_string(taken.remaining)},

@@ -126,8 +126,10 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
                          "create --db my.db --name shop --scope read");
   create->add_option("--name", options.name, "name of the key, such as the program that uses it")
       ->required();
-  create->add_option("--scope", options.scope, "read, write (and read) or admin (everything)")
-      ->check(cli::OneOf({"read", "write", "admin"}))
+  create
+      ->add_option("--scope", options.scope,
+                   "read, write (and read), admin (everything), or peer (other servers)")
+      ->check(cli::OneOf({"read", "write", "admin", "peer"}))
       ->capture_default_str();
   create->add_option("--descriptor", options.engine.descriptor, "descriptor for a new database");
   create->add_option("--model", options.engine.descriptor_options.model_path,

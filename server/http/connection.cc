@@ -209,7 +209,9 @@ bool Connection::Serve() {
   const bool goes_on = phase_ != Phase::kHead;  // a worker has taken the request before
   subscription_.reset();
   Enter(Phase::kServing);
-  Workers& workers = session_->asks_for_health() ? context_.health : context_.requests;
+  Workers& workers = session_->asks_for_health()   ? context_.health
+                     : session_->comes_from_peer() ? context_.peers
+                                                   : context_.requests;
   const bool taken = workers.Run(
       [self = shared_from_this(), session = session_] {
         const Session::Next next = session->Serve();

@@ -59,6 +59,9 @@ struct ConnectionContext {
   Workers requests{sessions.options.threads, sessions.options.connection_queue};
   // Separate threads for /livez, so that it is answered even if all others are busy.
   Workers health{2, 64};
+  // Searches of other servers wait for these, and their searches may be what all other threads wait
+  // for.
+  Workers peers{16, sessions.options.connection_queue};
   // A step of a handshake takes milliseconds of a core (RSA): one core, so that others stay free.
   Workers handshakes{1, sessions.options.max_connections};
 };

@@ -82,7 +82,8 @@ class HttpServer::Impl final : public httplib::Server {
     const std::size_t cut_off = connections_.size();
     lock.unlock();
     ForEach([](Connection& connection) { connection.Close(); });
-    for (Workers* workers : {&context_.requests, &context_.health, &context_.handshakes}) {
+    for (Workers* workers :
+         {&context_.requests, &context_.health, &context_.peers, &context_.handshakes}) {
       workers->Finish();
     }
     return cut_off;

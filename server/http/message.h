@@ -20,12 +20,13 @@ namespace pliant::server {
 
 class BodyFile;
 
-// Scope of a caller; each includes those before it.
-enum class Scope { kPublic, kRead, kWrite, kAdmin };
+// Scope of a caller; each includes those before it, except kPeer: it allows what other servers of
+// the same database ask for, and nothing else.
+enum class Scope { kPublic, kRead, kWrite, kAdmin, kPeer };
 
-// "public", "read", "write", "admin"
+// "public", "read", "write", "admin", "peer"
 inline const char* ScopeName(Scope scope) {
-  constexpr const char* kNames[] = {"public", "read", "write", "admin"};
+  constexpr const char* kNames[] = {"public", "read", "write", "admin", "peer"};
   return kNames[static_cast<int>(scope)];
 }
 

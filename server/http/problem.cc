@@ -84,6 +84,10 @@ constexpr std::array kCodes = std::to_array<ProblemCode>({
     {"read_only", 500, "the server cannot write to the directory or database"},
     {"no_space", 507, "the server's disk is full"},
     // Of the engine.
+    {"part_unavailable", 503,
+     "no server answers for a part of the index; try again, or search with partial=true"},
+    {"part_elsewhere", 404, "another server holds this part (between servers)"},
+    {"part_changed", 409, "the part has changed since it was asked (between servers)"},
     {"content_not_kept", 404, "the server did not store the uploaded bytes (--keep-originals)"},
     {"collection_permanent", 409, "the collection `default` cannot be deleted"},
     {"collection_is_alias", 409, "delete the collection by its own name, not by an alias"},
@@ -135,6 +139,8 @@ Problem Hidden(const std::string& code, const std::string& internal) {
       {"database_unavailable", "The database does not answer. Try again later."},
       {"database_outcome_unknown", "Outcome unknown. Check before retrying."},
       {"busy", "The server is busy. Try again shortly."},
+      {"part_unavailable",
+       "No server answers for a part of the index. Try again, or search with partial=true."},
       {"read_only", "The server cannot write to its directory or database."},
       {"no_space", "The server has no space left to store this."},
   };

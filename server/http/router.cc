@@ -84,6 +84,8 @@ std::vector<std::string> TypesOf(BodyKind body) {
       return {"multipart/form-data", "application/json"};
     case BodyKind::kBulk:
       return {kNdjsonType, kTarType, kCsvType};
+    case BodyKind::kFile:
+      return {kFileType};
     case BodyKind::kMergePatch:
       return {"application/merge-patch+json", "application/json"};
   }

@@ -99,6 +99,7 @@ enum class BodyKind {
   kImageOrJson,
   kPair,  // two images; parameters can be images
   kBulk,  // NDJSON or tar
+  kFile,  // any bytes
   kMergePatch,
 };
 

@@ -99,6 +99,8 @@ bool Session::asks_for_health() const {
          (path == "/livez" || path == "/readyz" || path == "/metrics");
 }
 
+bool Session::comes_from_peer() const { return request_.path.starts_with("/v1/peer"); }
+
 bool Session::expects_continue() const {
   return !request_.is_http_1_0 && Lower(request_.header("Expect")) == "100-continue";
 }

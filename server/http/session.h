@@ -62,6 +62,7 @@ class Session {
   // The address of the client, also behind a trusted proxy.
   const std::string& client() const { return request_.remote_address; }
   bool asks_for_health() const;
+  bool comes_from_peer() const;
   bool expects_continue() const;
   void TakeBody(std::string body, std::uint64_t bytes);
   std::shared_ptr<BodySink> sink() const { return request_.received; }  // for the body; can be null

@@ -94,8 +94,8 @@ void AddKeyRoutes(RouteTable& table) {
       .Summary("Create an API key. Only this answer shows it: the server stores its SHA-256")
       .Needs(Scope::kAdmin)
       .Takes({Parameter("name", "name of the key, for people").Required(),
-              Parameter("scope", "read, write (includes read) or admin (everything)")
-                  .Choice({"read", "write", "admin"})
+              Parameter("scope", "read, write (includes read), admin (everything), or peer (for other servers)")
+                  .Choice({"read", "write", "admin", "peer"})
                   .Default("read")})
       .Answers(201, "the key, shown only here; Location has its address", "NewKey")
       .Codes({"first_key_admin"})

@@ -74,6 +74,16 @@ class Metrics::Impl {
           .Name("pliant_http_request_seconds")
           .Help("From the first byte of a request to the last of its answer, by route")
           .Register(registry);
+  prometheus::Family<prometheus::Counter>& part_requests =
+      prometheus::BuildCounter()
+          .Name("pliant_part_requests_total")
+          .Help("Requests to servers that hold parts of the index, by part and outcome")
+          .Register(registry);
+  prometheus::Family<prometheus::Histogram>& part_seconds =
+      prometheus::BuildHistogram()
+          .Name("pliant_part_seconds")
+          .Help("Answered requests to servers that hold parts of the index, by part")
+          .Register(registry);
   prometheus::Family<prometheus::Histogram>& stage_seconds =
       prometheus::BuildHistogram()
           .Name("pliant_stage_seconds")
@@ -235,6 +245,13 @@ void Metrics::OnAdd(const AddTimings& timings, const std::string& collection) {
 
 void Metrics::OnDecoderEnded(DecoderEnded::Cause cause) {
   impl_->decoders_ended.Add({{"cause", DecoderCauseName(cause)}}).Increment();
+}
+
+void Metrics::OnPeer(std::size_t part, PeerOutcome outcome, double seconds) {
+  const std::string number = std::to_string(part + 1);
+  impl_->part_requests.Add({{"part", number}, {"outcome", PeerOutcomeName(outcome)}}).Increment();
+  if (outcome != PeerOutcome::kAnswered) return;
+  impl_->part_seconds.Add({{"part", number}}, kSeconds).Observe(seconds);
 }
 
 std::string Metrics::Text(const MetricsNow& now) {

@@ -16,6 +16,7 @@
 #include "server/http/http_server.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/worker_pool.h"
+#include "server/peers/peers.h"
 
 namespace pliant::server {
 
@@ -61,6 +62,7 @@ class Metrics {
   void OnSearch(const SearchTimings& timings, const std::string& collection);
   void OnAdd(const AddTimings& timings, const std::string& collection);
   void OnDecoderEnded(DecoderEnded::Cause cause);
+  void OnPeer(std::size_t part, PeerOutcome outcome, double seconds);
 
   std::string Text(const MetricsNow& now);  // the text exposition format
 

@@ -7,7 +7,7 @@ namespace pliant::server {
 std::vector<Route> MakeRoutes(Service& service) {
   RouteTable table(service);
   for (const auto add :
-       {AddServerRoutes, AddKeyRoutes, AddQrRoutes, AddCollectionRoutes, AddImageRoutes,
+       {AddServerRoutes, AddKeyRoutes, AddQrRoutes, AddPeerRoutes, AddCollectionRoutes, AddImageRoutes,
         AddImportRoutes, AddObjectRoutes, AddExportRoutes, AddSearchRoutes, AddCompareRoutes,
         AddVocabularyRoutes, AddJobRoutes, AddBackupRoutes, AddDocumentRoute}) {
     add(table);

@@ -93,6 +93,7 @@ std::vector<Route> MakeRoutes(Service& service);
 void AddServerRoutes(RouteTable& table);
 void AddKeyRoutes(RouteTable& table);
 void AddQrRoutes(RouteTable& table);
+void AddPeerRoutes(RouteTable& table);
 void AddCollectionRoutes(RouteTable& table);
 void AddImageRoutes(RouteTable& table);
 void AddImportRoutes(RouteTable& table);

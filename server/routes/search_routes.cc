@@ -85,7 +85,12 @@ std::vector<Parameter> SearchParameters() {
       Parameter("min_score", "drop hits with a lower score").Number(0, 1).Default("0"),
       OfObjectParameter(),
       FilterParameter(),
-      Parameter("explain", "add an explanation to every hit").Boolean().Default("false")};
+      Parameter("explain", "add an explanation to every hit").Boolean().Default("false"),
+      Parameter("partial",
+                "if no server answers for a part of the index, search the other parts; then the "
+                "answer has searched, their share")
+          .Boolean()
+          .Default("false")};
 }
 
 Region RegionOf(const std::vector<double>& numbers) {
@@ -126,6 +131,7 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
   options.max_instances = parameters.Value<int>("instances");
   if (const auto filter = parameters.Text("filter")) options.filter = ParseFilter(*filter);
   options.explain = parameters.Value<bool>("explain");
+  options.partial = parameters.Value<bool>("partial");
   options.second_pass = parameters.Value<bool>("closer_look");
   if (const auto numbers = parameters.Get<std::vector<double>>("region"))
     options.region = RegionOf(*numbers);

@@ -50,7 +50,20 @@ Response Ready(Service& service, const Request&, const Parameters&) {
     throw ProblemError(problem);
   }
   service.engine().ListCollections();  // the database answers
-  return JsonResponse({{"status", "ready"}});
+  Json json = {{"status", "ready"}};
+  if (service.peers() != nullptr) {
+    const std::int64_t followed = service.engine().followed();
+    json["parts"] = Json::array();
+    for (const PeerState& peer : service.peers()->States()) {
+      json["parts"].push_back(
+          {{"part", peer.part},
+           {"server", peer.address},
+           {"answers", peer.answers},
+           {"behind", peer.answers ? Json(std::max<std::int64_t>(0, followed - peer.followed))
+                                   : Json(nullptr)}});
+    }
+  }
+  return JsonResponse(json);
 }
 
 Response MetricsText(Service& service, const Request&, const Parameters&) {

@@ -19,6 +19,7 @@ constexpr int kJpegQuality = 82;  // of thumbnails
 Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
+      part_turns(pool.cores()),
       backups(options.backup_dir),
       bulk_files(options.bulk),
       fetcher(options.fetch) {}
@@ -59,6 +60,13 @@ void Service::Open() {
   engine_options.extraction.decoder = decode_;
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_options.warn = [](const std::string& failure) { spdlog::error("{}", failure); };
+  if (!options.peers.empty()) {
+    peers_ = std::make_unique<Peers>(
+        options.peers, [this](std::size_t part, PeerOutcome outcome, double seconds) {
+          metrics.OnPeer(part, outcome, seconds);
+        });
+    engine_options.part_servers = [this] { return peers_->Current(); };
+  }
   engine_ = std::make_unique<Engine>(engine_options);
   if (IsSetAside(engine_options.database)) {
     spdlog::info("unused originals are kept: {}.before-restore-... may need them",

@@ -20,6 +20,8 @@
 #include "server/jobs/demonstration.h"
 #include "server/jobs/training.h"
 #include "server/jobs/worker_pool.h"
+#include "server/peers/part_turns.h"
+#include "server/peers/peers.h"
 #include "server/routes/metrics.h"
 
 namespace pliant::server {
@@ -28,6 +30,7 @@ struct ServiceOptions {
   EngineOptions engine;
   std::optional<DecoderOptions> decoder;  // absent: decode images inside this process
   WorkerPoolOptions pool;
+  std::filesystem::path peers;       // file with the servers of all parts; empty = none
   bool auto_train = true;            // train vocabularies automatically, see AutoTrainer
   std::filesystem::path import_dir;  // clients can import images below it; empty = off
   std::filesystem::path backup_dir;  // for backups over HTTP; empty = off
@@ -49,6 +52,7 @@ class Service {
   const DecoderPool* decoders() const { return decoders_.get(); }  // null: decoding inside
   bool ready() const { return ready_; }
   ServiceStore& store() { return *store_; }                    // API keys; not before Open()
+  Peers* peers() { return peers_.get(); }                      // null: the index has one part
   double loaded() const { return loaded_; }                    // the share of the index, 0..1
   StoreFigures& figures() { return *figures_; }                // not before Open()
   AutoTrainer* auto_trainer() { return auto_trainer_.get(); }  // null when switched off
@@ -64,6 +68,7 @@ class Service {
 
   const ServiceOptions options;
   WorkerPool pool;
+  PartTurns part_turns;
   LruCache<std::string, std::string> thumbnails{32 << 20};  // JPEG, by the original's SHA-256
   Metrics metrics;
   const Backups backups;
@@ -77,6 +82,7 @@ class Service {
 
   std::unique_ptr<DecoderPool> decoders_;
   ImageDecoder decode_ = DecodeImage;
+  std::unique_ptr<Peers> peers_;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<StoreFigures> figures_;  // asks the engine, so it ends before it
   std::unique_ptr<ServiceStore> store_;

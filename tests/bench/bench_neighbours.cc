@@ -135,12 +135,16 @@ Figures AskNeighbours(const Collection& all, const IndexSnapshot& snapshot,
     Stopwatch watch(options.threads);
     const auto cells = quantizer.NearestWords(image.descriptors, options.cells, options.threads);
     const double assign = watch.Lap();
-    const NeighbourQuery query(quantizer, {image.descriptors}, options);
+    const NeighbourQuery query(*quantizer.coder(), {image.descriptors}, cells, options);
     figures.assign += assign;
-    figures.tables += watch.Lap() - assign;
+    figures.tables += watch.Lap();
     std::vector<std::vector<Vote>> votes = CollectVotes(query, snapshot, options.threads);
     figures.scan += watch.Lap();
-    query.Weigh(votes);
+    std::vector<std::uint32_t> voted(image.descriptors.rows);
+    for (const auto& list : votes) {
+      for (const Vote& vote : list) ++voted[vote.row];
+    }
+    for (auto& list : votes) query.Weigh(voted, &list);
     double best = 0;
     std::int64_t first = 0;
     for (std::size_t i = 0; i < votes.size(); ++i) {
@@ -171,14 +175,15 @@ Figures AskHistograms(const Collection& all, const IndexSnapshot& snapshot,
                       const Quantizer& quantizer, int threads) {
   Figures figures;
   RankOptions options;
-  options.method = RankMethod::kHistogram;
   options.keep = 10;
   options.threads = threads;
   for (const LabelledImage& image : all.set.queries) {
     Stopwatch watch(threads);
     const auto words = quantizer.Assign(image.descriptors, threads);
     figures.assign += watch.Lap();
-    const Ranking ranking = RankByHistogram(snapshot, MakeBow(words), options);
+    const Ranking ranking =
+        Rank(snapshot, quantizer, {.method = RankMethod::kHistogram, .bow = MakeBow(words)},
+             options);
     figures.scan += watch.Lap();
     figures.right +=
         !ranking.best.empty() && IsRight(all, image, ranking.best.front().ref.version) ? 1U : 0U;

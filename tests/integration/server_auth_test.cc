@@ -108,6 +108,28 @@ TEST_F(AuthTest, ScopesDoWhatTheySay) {
   }
 }
 
+TEST_F(AuthTest, KeysOfPeersOpenOnlyWhatPeersAsk) {
+  const std::string admin = Create("admin", "me");
+  const std::string peer = Create("peer", "servers");
+  ServerProcess server(database(), {"--auto-train", "false"});
+  auto owner = With(server, admin);
+  auto other = With(server, peer);
+  const auto part = other.Get("/v1/peer");
+  ASSERT_EQ(part->status, 200);
+  EXPECT_EQ(Json::parse(part->body).value("parts", 0), 1);
+  EXPECT_EQ(CodeOf(owner.Get("/v1/peer")), "forbidden");
+  EXPECT_EQ(CodeOf(server.Client().Get("/v1/peer")), "unauthorized");
+  EXPECT_EQ(CodeOf(other.Get("/v1/collections")), "forbidden");
+  EXPECT_EQ(CodeOf(other.Get("/v1/keys")), "forbidden");
+  const auto rank = [&](const std::string& query, const std::string& body) {
+    return CodeOf(other.Post("/v1/peer/rank?" + query, body, "application/octet-stream"));
+  };
+  EXPECT_EQ(rank("part=1&parts=1", "nonsense"), "invalid_parameter");
+  EXPECT_EQ(rank("part=2&parts=3", "nonsense"), "part_elsewhere");
+  EXPECT_EQ(rank("parts=1", "nonsense"), "missing_parameter");
+  EXPECT_EQ(other.Get("/v1/peer")->status, 200);
+}
+
 TEST_F(AuthTest, AKeyIsToldWhatItMayDo) {
   const ServerProcess server(database(), {"--auto-train", "false"});
   auto stranger = server.Client();

@@ -17,7 +17,7 @@ import urllib.parse
 import yaml
 
 DOCKER = pathlib.Path(__file__).resolve().parent.parent.parent / "docker"
-LOCAL = DOCKER.parent / "tests" / "postgres" / "cluster_local.sh"  # DOCKER / LOCAL is LOCAL
+LOCAL = DOCKER / "cluster_local.sh"
 SERVICE_KEYS = {"image", "build", "command", "entrypoint", "environment", "depends_on", "ports", "volumes", "restart", "stop_grace_period",
                 "healthcheck", "user", "shm_size", "read_only", "tmpfs", "cap_drop", "security_opt"}
 CONDITIONS = {"service_started", "service_healthy", "service_completed_successfully"}

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-FileCopyrightText: The Pliant authors
 # SPDX-License-Identifier: Apache-2.0
-# tests/postgres/cluster_local.sh: what a commit has written is on the standby, survives the primary and a change of roles, and a
+# docker/cluster_local.sh: what a commit has written is on the standby, survives the primary and a change of roles, and a
 # killed primary follows the new one, without what only it had. Exit status 77 where PostgreSQL is not installed.
 set -euo pipefail
-local=$(cd "$(dirname "${BASH_SOURCE[0]}")/../postgres" && pwd)/cluster_local.sh
+local=$(cd "$(dirname "${BASH_SOURCE[0]}")/../../docker" && pwd)/cluster_local.sh
 home=$(mktemp -d "${TMPDIR:-/tmp}/pliant-cluster-XXXXXX")
 chmod 755 "$home"
 trap 'bash "$local" remove "$home"' EXIT

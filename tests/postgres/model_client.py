@@ -19,6 +19,7 @@ IDS = 4  # of each client
 PAIRS = 2  # of each client
 HISTORY = 12
 REFUSED = (503, 507)
+DEADLINE_S = 20  # of a request; a ranking in parts has 5
 REFUSED_S = 0.05  # the clients leave the processors to what comes back
 
 
@@ -27,6 +28,7 @@ class Book:
 
     def __init__(self):
         self.lock, self.figures, self.wrong = threading.Lock(), collections.Counter(), []
+        self.well_from, self.stopped = time.monotonic(), None  # the databases are well; the server that is stopped
 
     def count(self, what):
         with self.lock:
@@ -89,8 +91,9 @@ class Client(threading.Thread):
 
     def ask(self, method, path, body=None, kind="application/octet-stream"):
         """(status, JSON); status 0: no whole answer."""
-        connection = Connection(self.dice.choice(self.servers).address, keep_alive=False)
-        begun = time.monotonic()
+        address, begun = self.dice.choice(self.servers).address, time.monotonic()
+        was_well = begun > self.book.well_from and address != self.book.stopped
+        connection = Connection(address, keep_alive=False)
         try:
             status, data = connection.ask(method, path, body, kind)
             answer = json.loads(data) if data else {}
@@ -103,6 +106,11 @@ class Client(threading.Thread):
             connection.close()
         self.book.count(f"{method} {status or 'no answer'}")
         self.book.most(f"seconds for an answer at most ({'write' if method in ('PUT', 'DELETE') else 'read'})", round(time.monotonic() - begun))
+        took = time.monotonic() - begun
+        if was_well and time.monotonic() > self.book.well_from and address != self.book.stopped:
+            self.book.most("seconds for an answer at most, all well but other servers", round(took, 1))
+            if answer.get("code") == "part_unavailable" or took > DEADLINE_S:
+                self.book.blame(f"{method} {path}: {status} {answer.get('code')} after {took:.1f} s, though only another server was in trouble")
         if status in REFUSED:
             self.book.count(f"refused: {answer.get('code')}")
             time.sleep(REFUSED_S)

@@ -3,12 +3,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several servers on one PostgreSQL database with a synchronous standby, while they and it are killed and stopped at random moments.
 
-    tests/postgres/servers_test.py --bin build/release/bin [--seconds 600] [--servers 4]
+    tests/postgres/servers_test.py --bin build/release/bin [--seconds 600] [--servers 4] [--parts 2]
 
 Clients put, replace, delete, look and search, each time at another server. A model of what was acknowledged decides: every
 look and every search that begins afterwards, at any server, must agree with it. What had no answer, or one that does not
 know (503 `database_outcome_unknown`), may have happened; what was refused otherwise has not. Nothing else may be answered.
-At the end nothing may be lost or back, and so once more after the standby has taken over. A disk is filled where this may
+With --parts, each server holds a part of the index, and as one server at a time is in trouble, no search may lack a part while
+the databases are well. At the end nothing may be lost or back, and so once more after the standby has taken over. A disk is filled where this may
 mount one (root). Exit status 77 where PostgreSQL is not installed (tests/postgres/install.sh).
 """
 import argparse
@@ -19,6 +20,7 @@ import os
 import pathlib
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -35,6 +37,12 @@ OWN_MOUNTS = "PLIANT_TEST_OWN_MOUNTS"
 SMALL_DISK_MB = 2048  # the databases keep up to 1 GB of their log
 
 
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
 class Test:
     def __init__(self, options):
         self.options, self.book, self.servers = options, Book(), []
@@ -42,7 +50,11 @@ class Test:
         home = pathlib.Path(tempfile.mkdtemp(prefix="pliant-databases-"))
         home.chmod(0o755)  # PostgreSQL's user enters it
         self.databases, self.small_disk = Databases(home), os.environ.get(OWN_MOUNTS)
-        self.url = ""
+        self.url, self.ports = "", [free_port() for _ in range(options.servers)]
+        if options.parts:
+            self.peers = self.logs / "peers.toml"
+            holders = [[f"http://127.0.0.1:{port}" for port in self.ports[part :: options.parts]] for part in range(options.parts)]
+            self.peers.write_text("[parts]\n" + "".join(f"{i} = {json.dumps(of)}\n" for i, of in enumerate(holders, 1)), encoding="ascii")
 
     def pliant(self, *command):
         return subprocess.run([self.options.bin / "pliant", *command, "--db", self.url], capture_output=True, text=True, check=False, timeout=600)
@@ -50,9 +62,14 @@ class Test:
     def start(self, number):
         """Starts again where the database is not back yet."""
         until = time.monotonic() + SETTLE_S
+        part = []
+        if self.options.parts:
+            saved = self.logs / f"index-{number}"
+            saved.mkdir(exist_ok=True)
+            part = ["--part", f"{number % self.options.parts + 1}/{self.options.parts}", "--peers", self.peers, "--index-dir", saved]
         while True:
-            server = Server([self.options.bin / "pliant-server", "--db", self.url, "--descriptor", "rootsift", "--listen", "127.0.0.1:0",
-                             "--auto-train", "false"], self.logs / f"server-{number}.log")
+            server = Server([self.options.bin / "pliant-server", "--db", self.url, "--descriptor", "rootsift", "--auto-train", "false",
+                             "--listen", f"127.0.0.1:{self.ports[number]}", *part], self.logs / f"server-{number}.log")
             try:
                 server.wait_ready()
                 return server
@@ -182,6 +199,7 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, required=True)
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--servers", type=int, default=4)
+    parser.add_argument("--parts", type=int, default=0, help="of the index; 0: every server holds all of it")
     parser.add_argument("--clients", type=int, default=4)
     parser.add_argument("--gap", type=float, default=5, help="seconds at most between one trouble and the next")
     parser.add_argument("--seed", type=int, default=1)

@@ -3,6 +3,7 @@
 """What happens to servers and their databases under the clients: killed and stopped processes, cut connections, a standby
 that takes over, a full disk."""
 import contextlib
+import math
 import os
 import pathlib
 import random
@@ -16,16 +17,17 @@ from model_client import IMAGES, REFUSED
 from service.images import texture
 from service.server import Connection, Wrong
 
-LOCAL = pathlib.Path(__file__).resolve().parent / "cluster_local.sh"
+LOCAL = pathlib.Path(__file__).resolve().parents[2] / "docker" / "cluster_local.sh"
 KEPT = 20  # images that are there from the beginning to the end
 SETTLE_S = 180
 SMALL = "db1"  # the database whose disk can be filled
 FILLER = "filler"
+WELL_S = 30  # until servers have followed a database that is back
 LONG_S = 17  # a server that is stopped longer than this has lost its transactions (idle_in_transaction_session_timeout)
 
 
 class Databases:
-    """A primary and a synchronous standby, by tests/postgres/cluster_local.sh."""
+    """A primary and a synchronous standby, by docker/cluster_local.sh."""
 
     def __init__(self, home):
         self.home = home
@@ -110,7 +112,7 @@ class Troubles(threading.Thread):
 
     def run(self):
         begun = time.monotonic()
-        choices = {self.kill_server: 4, self.stop_server: 3, self.kill_primary: 3, self.stop_primary: 2, self.kill_standby: 1, self.promote: 1,
+        choices = {self.kill_server: 4, self.slow_server: 2, self.stop_server: 3, self.kill_primary: 3, self.stop_primary: 2, self.kill_standby: 1, self.promote: 1,
                    self.cut: 4}
         try:
             while not self.stopped:
@@ -121,7 +123,11 @@ class Troubles(threading.Thread):
                 else:
                     trouble = self.dice.choices([*choices], [*choices.values()])[0]
                 print(f"{time.strftime('%H:%M:%S')} {trouble.__name__.replace('_', ' ')}", flush=True)
+                if not trouble.__name__.endswith("server"):
+                    self.book.well_from = math.inf
                 trouble()
+                if self.book.well_from == math.inf:
+                    self.book.well_from = time.monotonic() + WELL_S
                 self.book.count(f"troubles: {trouble.__name__.replace('_', ' ')}")
         except Exception as error:
             self.book.blame(f"troubles: {error!r}")
@@ -136,10 +142,22 @@ class Troubles(threading.Thread):
 
     def stop_server(self):
         """Now and then for so long that the database takes its transaction away."""
-        process = self.dice.choice(self.servers).process
-        send(signal.SIGSTOP, [process.pid])
+        server = self.dice.choice(self.servers)
+        self.book.stopped = server.address
+        send(signal.SIGSTOP, [server.process.pid])
         time.sleep(self.dice.choice([1, 3, LONG_S + 3]))
-        send(signal.SIGCONT, [process.pid])
+        send(signal.SIGCONT, [server.process.pid])
+        self.book.stopped = None
+
+    def slow_server(self):
+        server = self.dice.choice(self.servers)
+        self.book.stopped = server.address
+        for _ in range(20):
+            send(signal.SIGSTOP, [server.process.pid])
+            time.sleep(self.dice.uniform(0.05, 0.4))
+            send(signal.SIGCONT, [server.process.pid])
+            time.sleep(0.05)
+        self.book.stopped = None
 
     def kill_primary(self):
         self.databases.kill(self.databases.primary())

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "index/rank/inverted_index.h"
+#include "index/rank/ranking.h"
 
 namespace pliant::testing {
 
@@ -32,6 +33,12 @@ inline Bow Counted(std::vector<WordCount> words) {
     }
   }
   return bow;
+}
+
+inline Ranking RankByHistogram(const IndexSnapshot& snapshot, const Bow& query,
+                               const RankOptions& options) {
+  return Rank(snapshot, *ByteQuantizer(1), {.method = RankMethod::kHistogram, .bow = query},
+              options);
 }
 
 // From counts, one a word.

@@ -100,16 +100,16 @@ void ExpectRanking(const IndexSnapshot& snapshot, const Truths& truths,
 void ExpectAllRankings(const IndexSnapshot& snapshot, const Truths& truths, std::mt19937_64& random,
                        std::size_t words) {
   const std::vector<double> query = RandomCounts(random, words, 1 + random() % 300);
-  constexpr RankMethod kMethod = RankMethod::kHistogram;
   for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {
     for (const std::size_t keep : {0, 1, 7}) {
       ExpectRanking(snapshot, truths, query,
-                    {kMethod, group_by, static_cast<std::size_t>(keep), 0, {}, 1});
+                    {.group_by = group_by, .keep = static_cast<std::size_t>(keep)});
     }
   }
   Admission accept;
   accept.object_key = 3;
-  ExpectRanking(snapshot, truths, query, {kMethod, GroupBy::kImage, 5, 0, accept, 2});
+  ExpectRanking(snapshot, truths, query,
+                {.group_by = GroupBy::kImage, .keep = 5, .admission = accept, .threads = 2});
 }
 
 class RandomChanges : public ::testing::TestWithParam<std::tuple<std::size_t, std::uint64_t>> {};

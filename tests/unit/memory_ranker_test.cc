@@ -163,12 +163,9 @@ class MemoryRankerTest : public ::testing::Test {
   }
   // Of a collection's images, what a search finds.
   std::vector<std::int64_t> Versions(const CollectionView& view) {
-    const Bow bow{{{1, 1}}, 1, {}};
-    RankOptions options;
-    options.method = RankMethod::kHistogram;
+    const RankQuery query = {.method = RankMethod::kHistogram, .bow = {{{1, 1}}, 1, {}}};
     std::vector<std::int64_t> versions;
-    for (const RankedImage& p : ranker_->Rank(view, {Features{}, bow}, options).best) {
-      EXPECT_EQ(p.ref.collection, view.collection);
+    for (const RankedImage& p : Rank(*view.snapshot, *view.quantizer, query, {}).best) {
       versions.push_back(p.ref.version);
     }
     return versions;

@@ -163,10 +163,17 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     return scores;
   }
 
+  RankQuery QueryOf(const Descriptors& descriptors, std::span<const float> weights = {}) const {
+    return NeighboursOf(descriptors, {weights.begin(), weights.end()}, *quantizer_, 1);
+  }
+  Ranking Ranked(const Descriptors& descriptors, std::span<const float> weights = {},
+                 const RankOptions& options = {}) const {
+    return Rank(*index_->snapshot(), *quantizer_, QueryOf(descriptors, weights), options);
+  }
+
   void ExpectOraclesRanking(const Descriptors& query, const RankOptions& options,
                             std::span<const float> weights = {}) const {
-    const Ranking ranking =
-        RankByNeighbours(*index_->snapshot(), *quantizer_, {query, weights}, options);
+    const Ranking ranking = Ranked(query, weights, options);
     std::map<std::int64_t, double> expected = OracleScores(query, weights);
     std::erase_if(expected, [&](const auto& entry) {
       return !options.admission.Admits(entry.first, truth_.at(entry.first).object);
@@ -232,8 +239,7 @@ TEST_P(NeighbourRankingTest, VotesCountWhatTheirWeightsSay) {
     const std::vector<float> equal(query.rows, weight);
     std::map<std::int64_t, double> all;
     const RankOptions options;
-    for (const RankedImage& hit :
-         RankByNeighbours(*index_->snapshot(), *quantizer_, {query, equal}, options).best) {
+    for (const RankedImage& hit : Ranked(query, equal, options).best) {
       all[hit.ref.version] = hit.score;
     }
     return all;
@@ -249,8 +255,7 @@ TEST_P(NeighbourRankingTest, ACopyIsFirstAndScoresNearOne) {
     index_->Apply({Make(key, Random(50), 0)}, {});
   }
   const Stored& copied = truth_.at(7);
-  const Ranking ranking =
-      RankByNeighbours(*index_->snapshot(), *quantizer_, {copied.descriptors}, {});
+  const Ranking ranking = Ranked(copied.descriptors);
   ASSERT_FALSE(ranking.best.empty());
   EXPECT_EQ(ranking.best[0].ref.version, 7);
   EXPECT_GT(ranking.best[0].score, 0.5);
@@ -263,7 +268,7 @@ TEST_P(NeighbourRankingTest, AnImageOfWordsIsFound) {
   for (std::int64_t key = 1; key <= 5; ++key) index_->Apply({Make(key, Random(50), 0)}, {});
   const Descriptors words = quantizer_->vocabulary().words;
   index_->Apply({Make(6, words, 0), Make(7, words, 0)}, {});
-  const Ranking ranking = RankByNeighbours(*index_->snapshot(), *quantizer_, {words}, {});
+  const Ranking ranking = Ranked(words);
   ASSERT_GE(ranking.best.size(), 2U);
   EXPECT_THAT((std::vector{ranking.best[0].ref.version, ranking.best[1].ref.version}),
               ::testing::UnorderedElementsAre(6, 7));
@@ -272,7 +277,7 @@ TEST_P(NeighbourRankingTest, AnImageOfWordsIsFound) {
 
 TEST_P(NeighbourRankingTest, AQueryWithoutDescriptorsFindsNothing) {
   index_->Apply({Make(1, Random(50), 0)}, {});
-  EXPECT_EQ(RankByNeighbours(*index_->snapshot(), *quantizer_, {Random(0)}, {}).total, 0U);
+  EXPECT_EQ(Ranked(Random(0)).total, 0U);
 }
 
 TEST_P(NeighbourRankingTest, ImagesWithoutCodesAreRefused) {

@@ -19,7 +19,6 @@ namespace {
 
 RankOptions Best(std::size_t keep, GroupBy group_by = GroupBy::kImage) {
   RankOptions options;
-  options.method = RankMethod::kHistogram;
   options.group_by = group_by;
   options.keep = keep;
   return options;
@@ -106,7 +105,7 @@ TEST(Ranking, CandidatesAndTheRestAreThePlainRankingInTwo) {
     for (const GroupBy group_by : {GroupBy::kImage, GroupBy::kObject}) {
       for (const std::size_t keep : {0U, 3U}) {
         RankOptions options = Best(keep, group_by);
-        options.candidates = depth;
+        options.candidates = [depth](std::size_t) { return depth; };
         options.min_score = all[all.size() * 3 / 4].score;
         const Ranking split = RankByHistogram(*snapshot, query, options);
         const std::size_t apart = std::min(depth, all.size());

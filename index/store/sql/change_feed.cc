@@ -10,6 +10,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "index/records/index_share.h"
 #include "index/store/blob_codec.h"
 #include "index/store/refusals.h"
 #include "index/store/sql/access.h"
@@ -50,7 +51,8 @@ class SqlFeedView : public FeedView {
   }
 
  public:
-  explicit SqlFeedView(Access* access) : access_(*access), reading_(access->BeginReading()) {}
+  SqlFeedView(Access* access, const IndexShare& share)
+      : access_(*access), share_(share), reading_(access->BeginReading()) {}
 
   FeedPosition Position() override {
     return Read([this](Connection& db) { return access_.Position(db); });
@@ -100,7 +102,8 @@ class SqlFeedView : public FeedView {
         Cursor row = db.Prepare(
             "SELECT p.key, p.object, p.id, w.data, f.data FROM image_words w JOIN images p ON "
             "p.key = w.image LEFT JOIN features f ON f.image = w.image WHERE w.vocabulary = ? AND "
-            "w.image > ? ORDER BY w.image LIMIT ?");
+            "w.image > ? " +
+            OfShare() + "ORDER BY w.image LIMIT ?");
         row.Bind(vocabulary, after, kRowsAtOnce);
         while (row.Next()) {
           if (row.IsNull(4)) throw refusals::FeaturesMissing();
@@ -132,17 +135,26 @@ class SqlFeedView : public FeedView {
   }
 
  private:
+  // Only PostgreSQL stores have shares. The hash must never change: files of the index rely on it.
+  std::string OfShare() const {
+    if (share_.parts == 1) return {};
+    return "AND (get_byte(sha256(convert_to(p.id, 'UTF8')), 0) * 256 + "
+           "get_byte(sha256(convert_to(p.id, 'UTF8')), 1)) % " +
+           std::to_string(share_.parts) + " = " + std::to_string(share_.part - 1) + " ";
+  }
+
   Access& access_;
+  const IndexShare share_;
   const std::unique_ptr<ReadTransaction> reading_;
 };
 
 class SqlFeed : public ChangeFeed {
  public:
-  explicit SqlFeed(Access* access) : access_(*access) {}
+  SqlFeed(Access* access, const IndexShare& share) : access_(*access), share_(share) {}
 
   std::int64_t Version() override { return access_.Version(); }
   std::unique_ptr<FeedView> Poll() override {
-    return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_); });
+    return access_.Guarded([&] { return std::make_unique<SqlFeedView>(&access_, share_); });
   }
   void SignSaved(Key vocabulary, const std::string& signature,
                  const std::string& forgotten) override {
@@ -156,10 +168,13 @@ class SqlFeed : public ChangeFeed {
 
  private:
   Access& access_;
+  const IndexShare share_;
 };
 
 }  // namespace
 
-std::unique_ptr<ChangeFeed> Store::OpenFeed() { return std::make_unique<SqlFeed>(access_.get()); }
+std::unique_ptr<ChangeFeed> Store::OpenFeed(const IndexShare& share) {
+  return std::make_unique<SqlFeed>(access_.get(), share);
+}
 
 }  // namespace pliant

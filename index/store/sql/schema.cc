@@ -131,7 +131,7 @@ CREATE TABLE api_keys (
   key INTEGER PRIMARY KEY AUTOINCREMENT,
   id TEXT NOT NULL UNIQUE,
   name TEXT NOT NULL,
-  scope TEXT NOT NULL CHECK (scope IN ('read', 'write', 'admin')),
+  scope TEXT NOT NULL CHECK (scope IN ('read', 'write', 'admin', 'peer')),
   hash BLOB NOT NULL UNIQUE CHECK (length(hash) = 32),  -- SHA-256 of the whole key
   created_ms INTEGER NOT NULL,
   revoked_ms INTEGER                                    -- NULL: it works

@@ -6,6 +6,9 @@
 #
 #   cluster_local.sh up DIR [SERVERS]   starts what does not run (two databases; 2 servers, or as many as before), waits until
 #                                       all answer, and prints their addresses and the URL for --db
+#   cluster_local.sh up DIR --parts P [--copies C]
+#                                       the same with the index in P parts, each on C servers (2). With another P than before:
+#                                       starts the new servers, switches DIR/peers.toml to them, ends the old ones
 #   cluster_local.sh status DIR         what runs; exit status 1 unless all answer
 #   cluster_local.sh promote DIR        makes the standby the primary; the old primary, running or killed, becomes its standby
 #   cluster_local.sh down DIR           ends all in order; the data stay, and `up` continues with them
@@ -138,18 +141,21 @@ wait_for() {  # RUNS NAME COMMAND... : at most two minutes, less when the proces
 # -- the servers, server1, server2, ...
 
 servers() { find "$home" -maxdepth 1 -name 'server*' -printf '%f\n' | sort -V; }
+part() { cat "$home/$1/part" 2>/dev/null || true; }  # of a server: 1/2; nothing: it holds the whole index
 server_pid() { local pid; pid=$(cat "$home/$1/pid" 2>/dev/null) && grep -qsF "127.0.0.1:$(port "$1")" "/proc/$pid/cmdline" && echo "$pid"; }
 server_runs() { server_pid "$1" >/dev/null; }
 ready() { curl -fs -m 5 --noproxy '*' -o /dev/null "http://127.0.0.1:$(port "$1")/readyz"; }
 
 start_servers() {
-  local name program
-  PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../../build/*/bin" | tr '\n' ':' || true)
+  local name program options
+  PATH=${PLIANT_BIN:+$PLIANT_BIN:}$PATH:$(compgen -G "$here/../build/*/bin" | tr '\n' ':' || true)
   for name in $(servers); do
     server_runs "$name" && continue
     for program in pliant pliant-server curl; do command -v "$program" >/dev/null || fail "$program is missing"; done
     pliant db init --db "$(url)" >/dev/null
-    setsid pliant-server --db "$(url)" --listen "127.0.0.1:$(port "$name")" >>"$home/$name/log" 2>&1 </dev/null 9>&- &
+    options=()
+    if [ -n "$(part "$name")" ]; then options=(--part "$(part "$name")" --peers "$home/peers.toml" --index-dir "$home/$name"); fi
+    setsid pliant-server --db "$(url)" --listen "127.0.0.1:$(port "$name")" "${options[@]}" >>"$home/$name/log" 2>&1 </dev/null 9>&- &
     echo $! >"$home/$name/pid"
   done
   for name in $(servers); do
@@ -157,17 +163,59 @@ start_servers() {
   done
 }
 
-stop_servers() {  # SIGNAL : and SIGKILL for what ignores that for 40 seconds
-  local name end=$((SECONDS + 40))
-  for name in $(servers); do
+stop_servers() {  # SIGNAL [NAME...] : these or all; and SIGKILL for what ignores that for 40 seconds
+  local name end=$((SECONDS + 40)) names=("${@:2}")
+  if [ $# -eq 1 ]; then mapfile -t names < <(servers); fi
+  for name in "${names[@]}"; do
     if server_runs "$name"; then kill "-$1" "$(server_pid "$name")" || true; fi
   done
-  for name in $(servers); do
+  for name in "${names[@]}"; do
     while server_runs "$name"; do
       [ "$SECONDS" -lt "$end" ] || kill -KILL "$(server_pid "$name")" || true
       sleep 0.1
     done
   done
+}
+
+# -- the parts of the index
+
+write_peers() {  # PARTS : the servers of this layout, under the name that all servers read
+  local part name addresses
+  { echo '[parts]'
+    for part in $(seq "$1"); do
+      addresses=
+      for name in $(servers); do
+        if [ "$(part "$name")" = "$part/$1" ]; then addresses+="${addresses:+, }\"http://127.0.0.1:$(port "$name")\""; fi
+      done
+      echo "$part = [$addresses]"
+    done
+  } >"$home/peers.toml.new"
+  mv "$home/peers.toml.new" "$home/peers.toml"
+}
+
+prepare_parts() {  # PARTS COPIES : the folders of servers that are missing; the new ones hold parts of the new layout
+  local part copy name held last
+  for part in $(seq "$1"); do
+    for copy in $(seq "$2"); do
+      held=0
+      for name in $(servers); do if [ "$(part "$name")" = "$part/$1" ]; then held=$((held + 1)); fi; done
+      [ "$held" -lt "$copy" ] || continue
+      last=$(servers | tail -n 1)
+      name=server$((${last#server} + 1))
+      prepare "$name"
+      echo "$part/$1" >"$home/$name/part"
+    done
+  done
+}
+
+retire_others() {  # PARTS : ends the servers that are not of this layout
+  local name others=()
+  for name in $(servers); do
+    case $(part "$name") in */"$1") ;; *) others+=("$name") ;; esac
+  done
+  [ "${#others[@]}" -gt 0 ] || return 0
+  stop_servers TERM "${others[@]}"
+  for name in "${others[@]}"; do rm -rf "${home:?}/$name"; done
 }
 
 stop_db() {  # NODE MODE
@@ -188,18 +236,32 @@ status() {
   done
   for node in $(servers); do
     state=ready; ready "$node" || { state="is not ready"; all=1; }
-    echo "$node  http://127.0.0.1:$(port "$node")  $state"
+    echo "$node  http://127.0.0.1:$(port "$node")  $state  $(part "$node")"
   done
   echo "--db '$(url)'"
   return "$all"
 }
 
 up() {
-  local name count=${1:-$([ -e "$home/primary" ] && echo 0 || echo 2)}
-  [[ $count =~ ^[0-9]+$ ]] || usage
+  local name parts=0 copies=2 count
+  if [ "${1:-}" = --parts ]; then
+    parts=${2:-}
+    [ $# -le 2 ] || { [ "$3" = --copies ] && [ $# -eq 4 ] && copies=$4; } || usage
+    count=0
+  else
+    count=${1:-$([ -e "$home/primary" ] && echo 0 || echo 2)}
+  fi
+  [[ $count$parts$copies =~ ^[0-9]+$ ]] || usage
   for name in db1 db2 $(seq -f 'server%g' "$count"); do prepare "$name"; done
   start_primary
   start_standby
+  if [ "$parts" -gt 0 ]; then
+    prepare_parts "$parts" "$copies"
+    [ -e "$home/peers.toml" ] || write_peers "$parts"
+    start_servers
+    write_peers "$parts"
+    retire_others "$parts"
+  fi
   if [ -n "$(servers)" ]; then start_servers; fi
   status
 }
@@ -225,7 +287,7 @@ case $action in
     stop_servers KILL
     for name in db1 db2; do stop_db "$name" immediate; done
     for name in db1 db2 $(servers); do rm -rf "${home:?}/$name"; done
-    rm -f "$home/primary" "$home/made.log" "$home/lock"
+    rm -f "$home/primary" "$home/peers.toml" "$home/made.log" "$home/lock"
     rmdir "$home" 2>/dev/null || true  # unless something else is there
     ;;
   *) usage ;;

@@ -1,0 +1,322 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "index/engine/part_ranking.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <numeric>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "descriptor/base/error.h"
+#include "descriptor/base/hex.h"
+#include "descriptor/base/sha256.h"
+
+namespace pliant {
+
+static_assert(std::endian::native == std::endian::little);
+
+namespace {
+
+using Json = nlohmann::json;
+using Clock = PartServers::Clock;
+
+constexpr int kVersion = 1;
+// Votes that are kept for a second step: the oldest go first.
+constexpr std::size_t kMostKept = 256;
+constexpr std::chrono::seconds kKeptFor{30};
+
+template <typename T>
+Json Binary(const std::vector<T>& values) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(values.data());
+  return Json::binary(std::vector<std::uint8_t>(bytes, bytes + values.size() * sizeof(T)));
+}
+
+[[noreturn]] void ThrowInvalid(const std::string& what) {
+  throw Error(ErrorCode::kInvalidArgument, "peer_message_invalid",
+              "The message of the other server is invalid: " + what +
+                  ". All servers must run the same version.");
+}
+
+template <typename T>
+std::vector<T> ListIn(const Json& message, const char* name) {
+  const auto& bytes = message.at(name).get_binary();
+  if (bytes.size() % sizeof(T) != 0) ThrowInvalid(name);
+  std::vector<T> values(bytes.size() / sizeof(T));
+  if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
+
+Json Parsed(const std::string& message) {
+  Json json = Json::from_msgpack(message, /*strict=*/true, /*allow_exceptions=*/false);
+  if (!json.is_object() || json.value("version", 0) != kVersion) ThrowInvalid("its form");
+  return json;
+}
+
+std::string Written(const Json& json) {
+  std::string text;
+  Json::to_msgpack(json, nlohmann::detail::output_adapter<char>(text));
+  return text;
+}
+
+Json QueryJson(const CollectionView& view, std::int64_t followed, const RankQuery& query,
+               const RankOptions& options) {
+  Json json = {{"version", kVersion},
+               {"name", view.name},
+               {"collection", view.collection},
+               {"vocabulary", view.vocabulary},
+               {"followed", followed},
+               {"histogram", query.method == RankMethod::kHistogram},
+               {"binary", query.descriptors.kind == DescriptorKind::kBinary},
+               {"dim", query.descriptors.dim},
+               {"rows", query.descriptors.rows},
+               {"floats", Binary(query.descriptors.floats)},
+               {"bytes", Binary(query.descriptors.bytes)},
+               {"weights", Binary(query.weights)},
+               {"near", Binary(query.words)},
+               {"bow", Binary(query.bow.words)},
+               {"total", query.bow.total},
+               {"by_object", options.group_by == GroupBy::kObject},
+               {"keep", options.keep},
+               {"min_score", options.min_score},
+               {"nothing", options.admission.nothing},
+               {"without", Binary(options.admission.without_versions)}};
+  if (options.admission.object_key) json["object"] = *options.admission.object_key;
+  if (options.admission.versions) json["versions"] = Binary(*options.admission.versions);
+  return json;
+}
+
+void ReadQuery(const Json& json, const Quantizer& quantizer, RankQuery* query,
+               RankOptions* options) {
+  Descriptors& d = query->descriptors;
+  query->method =
+      json.at("histogram").get<bool>() ? RankMethod::kHistogram : RankMethod::kNeighbours;
+  d.kind = json.at("binary").get<bool>() ? DescriptorKind::kBinary : DescriptorKind::kFloat;
+  d.dim = json.at("dim");
+  d.rows = json.at("rows");
+  d.floats = ListIn<float>(json, "floats");
+  d.bytes = ListIn<std::uint8_t>(json, "bytes");
+  query->weights = ListIn<float>(json, "weights");
+  query->words = ListIn<NearWord>(json, "near");
+  query->bow.words = ListIn<WordCount>(json, "bow");
+  query->bow.total = json.at("total");
+  const Vocabulary& words = quantizer.vocabulary();
+  const std::size_t values = d.kind == DescriptorKind::kBinary ? d.bytes.size() : d.floats.size();
+  const bool fits = query->method == RankMethod::kHistogram ||
+                    (d.kind == words.words.kind && d.dim == words.words.dim &&
+                     values == d.rows * static_cast<std::size_t>(d.dim) &&
+                     (query->weights.empty() || query->weights.size() == d.rows) &&
+                     (d.rows == 0 ? query->words.empty()
+                                  : query->words.size() % d.rows == 0 && !query->words.empty()));
+  const auto known = [&](const auto& entry) { return entry.word < words.size(); };
+  if (!fits || !std::ranges::all_of(query->words, known) ||
+      !std::ranges::all_of(query->bow.words, known)) {
+    ThrowInvalid("its query");
+  }
+  options->group_by = json.at("by_object").get<bool>() ? GroupBy::kObject : GroupBy::kImage;
+  options->keep = json.at("keep");
+  options->min_score = json.at("min_score");
+  options->admission.nothing = json.at("nothing");
+  options->admission.without_versions = ListIn<std::int64_t>(json, "without");
+  if (json.contains("object")) options->admission.object_key = json.at("object").get<Key>();
+  if (json.contains("versions")) {
+    options->admission.versions =
+        std::make_shared<const std::vector<std::int64_t>>(ListIn<std::int64_t>(json, "versions"));
+  }
+}
+
+std::string DigestOf(const std::vector<std::uint32_t>& voted) {
+  return Sha256Hex(
+      {reinterpret_cast<const char*>(voted.data()), voted.size() * sizeof(std::uint32_t)});
+}
+
+Json ImagesJson(const std::vector<RankedImage>& images) {
+  Json list = Json::array();
+  for (const RankedImage& image : images) {
+    list.push_back({image.ref.version, image.object, image.score, image.ref.id});
+  }
+  return list;
+}
+
+std::vector<RankedImage> ImagesIn(const Json& list) {
+  std::vector<RankedImage> images;
+  for (const Json& image : list) {
+    images.push_back({{0, image.at(3).get<std::string>(), image.at(0)}, image.at(1), image.at(2)});
+  }
+  return images;
+}
+
+// What the first step says of a part.
+struct Counted {
+  std::size_t images = 0;
+  std::vector<std::uint32_t> voted;
+};
+
+[[noreturn]] void ThrowUnavailable(const std::string& parts) {
+  throw Error(ErrorCode::kUnavailable, "part_unavailable",
+              "No server answers for " + parts + " of the index. Try again shortly.");
+}
+
+using Replies = std::vector<std::optional<PartServers::Reply>>;
+
+// Throws for parts without a reply, unless the search does without them.
+void RequireReplies(const Replies& replies, bool partial) {
+  std::string missing;
+  for (std::size_t i = 0; i < replies.size(); ++i) {
+    if (!replies[i]) missing += (missing.empty() ? "part " : ", ") + std::to_string(i + 1);
+  }
+  const bool any =
+      std::ranges::any_of(replies, [](const auto& reply) { return reply.has_value(); });
+  if (!missing.empty() && !(partial && any)) ThrowUnavailable(missing);
+}
+
+}  // namespace
+
+Ranking RankInParts(PartServers& servers, const CollectionView& view, std::int64_t followed,
+                    const RankQuery& query, const RankOptions& options) {
+  const auto until = Clock::now() + servers.timeout();
+  Json first = QueryJson(view, followed, query, options);
+  const std::string counting = Written(first);
+  while (true) {
+    const Replies counts =
+        servers.Ask([&]() -> const std::string& { return counting; }, {}, {}, until);
+    RequireReplies(counts, options.partial);
+    std::vector<PartServers::Kept> kept(counts.size());
+    Json digests = Json::array();
+    std::size_t images = 0;
+    std::size_t answered = 0;
+    std::vector<std::uint32_t> voted(query.descriptors.rows);
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      digests.push_back("");
+      if (!counts[i]) continue;
+      const Json json = Parsed(counts[i]->body);
+      const auto own = ListIn<std::uint32_t>(json, "voted");
+      if (own.size() != (query.method == RankMethod::kHistogram ? 0 : voted.size())) {
+        ThrowInvalid("its votes");
+      }
+      std::transform(own.begin(), own.end(), voted.begin(), voted.begin(), std::plus<>());
+      images += json.at("images").get<std::size_t>();
+      kept[i] = {counts[i]->server, json.at("token").get<std::string>()};
+      digests[i] = DigestOf(own);
+      ++answered;
+    }
+    const std::size_t candidates = options.candidates ? options.candidates(images) : 0;
+    const Json sums = {{"version", kVersion}, {"voted", Binary(voted)}, {"candidates", candidates}};
+    std::string whole;  // for servers without the votes
+    const auto again = [&]() -> const std::string& {
+      if (whole.empty()) {
+        Json json = first;
+        json.update(sums);
+        json["digests"] = digests;
+        whole = Written(json);
+      }
+      return whole;
+    };
+    const Replies ranked = servers.Ask(again, kept, Written(sums), until);
+    std::vector<PartRanking> parts;
+    for (const auto& reply : ranked) {
+      if (!reply || reply->refused) continue;
+      const Json json = Parsed(reply->body);
+      parts.push_back({ImagesIn(json.at("candidates")), ImagesIn(json.at("best")),
+                       ListIn<Key>(json, "objects"), json.at("alone")});
+    }
+    if (parts.size() < answered) {  // something changed between the steps
+      if (Clock::now() < until) continue;
+      ThrowUnavailable("some part");
+    }
+    Ranking ranking = Merge(std::move(parts), candidates, options);
+    ranking.searched = static_cast<double>(answered) / static_cast<double>(counts.size());
+    return ranking;
+  }
+}
+
+// One part of one query, between its steps.
+struct PartAnswers::Kept {
+  CollectionView view;
+  RankQuery query;
+  RankOptions options;
+  std::optional<PartRanker> ranker;
+  Clock::time_point since = Clock::now();
+};
+
+std::shared_ptr<PartAnswers::Kept> PartAnswers::Take(const std::string& token) {
+  const std::lock_guard lock(mutex_);
+  const auto found = kept_.find(token);
+  if (found == kept_.end()) {
+    throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not keep these votes.");
+  }
+  std::shared_ptr<Kept> kept = std::move(found->second);
+  kept_.erase(found);
+  return kept;
+}
+
+std::string PartAnswers::Keep(std::shared_ptr<Kept> kept) {
+  const std::string token = RandomHex(32);
+  const std::lock_guard lock(mutex_);
+  std::erase_if(kept_, [now = Clock::now()](const auto& entry) {
+    return now - entry.second->since > kKeptFor;
+  });
+  if (kept_.size() >= kMostKept) {
+    kept_.erase(
+        std::ranges::min_element(kept_, {}, [](const auto& entry) { return entry.second->since; }));
+  }
+  kept_.emplace(token, std::move(kept));
+  return token;
+}
+
+std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
+                                const std::string& message, int threads) {
+  try {
+    const Json json = Parsed(message);
+    std::shared_ptr<Kept> kept;
+    if (token.empty()) {
+      kept = std::make_shared<Kept>();
+      kept->view = ranker.View(json.at("name"));
+      if (kept->view.collection != json.at("collection").get<Key>() ||
+          kept->view.vocabulary != json.at("vocabulary").get<Key>() ||
+          !kept->view.has_vocabulary() ||
+          ranker.followed() < json.at("followed").get<std::int64_t>()) {
+        throw Error(ErrorCode::kNotFound, "part_elsewhere",
+                    "This server is not at the state of the database that was asked for.");
+      }
+      ReadQuery(json, *kept->view.quantizer, &kept->query, &kept->options);
+      kept->options.threads = threads;
+      kept->ranker.emplace(*kept->view.snapshot, *kept->view.quantizer, kept->query, threads);
+    } else {
+      kept = Take(token);
+      kept->options.threads = threads;
+    }
+    PartRanker& part = *kept->ranker;
+    if (!json.contains("voted")) {
+      Json counts = {{"version", kVersion},
+                     {"voted", Binary(part.voted())},
+                     {"images", kept->view.snapshot->images}};
+      counts["token"] = Keep(std::move(kept));
+      return Written(counts);
+    }
+    const auto voted = ListIn<std::uint32_t>(json, "voted");
+    if (voted.size() < part.voted().size()) ThrowInvalid("its votes");
+    if (token.empty()) {
+      const auto digests = json.at("digests").get<std::vector<std::string>>();
+      if (std::ranges::find(digests, DigestOf(part.voted())) == digests.end()) {
+        throw Error(ErrorCode::kConflict, "part_changed",
+                    "The part has changed between the steps.");
+      }
+    }
+    const PartRanking ranking = part.Rank(voted, json.at("candidates"), kept->options);
+    return Written({{"version", kVersion},
+                    {"candidates", ImagesJson(ranking.candidates)},
+                    {"best", ImagesJson(ranking.best)},
+                    {"objects", Binary(ranking.objects)},
+                    {"alone", ranking.alone}});
+  } catch (const Json::exception& error) {
+    ThrowInvalid(error.what());
+  }
+}
+
+}  // namespace pliant

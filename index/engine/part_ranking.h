@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// Both sides of a ranking in parts (index_parts.h). Private to engine/.
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "index/engine/index_parts.h"
+#include "index/rank/memory_ranker.h"
+#include "index/rank/ranking.h"
+
+namespace pliant {
+
+// Asks all parts. `followed`: the state of the database that they must have reached. Throws
+// kUnavailable "part_unavailable".
+Ranking RankInParts(PartServers& servers, const CollectionView& view, std::int64_t followed,
+                    const RankQuery& query, const RankOptions& options);
+
+// Answers for one part. Thread-safe.
+class PartAnswers {
+ public:
+  // `token`: of the first step, or empty. Throws kNotFound "part_elsewhere" for another share, for
+  // a vocabulary or a state that is not here, and for unknown tokens: another server may know them;
+  // kConflict "part_changed"; kInvalidArgument "peer_message_invalid".
+  std::string Answer(MemoryRanker& ranker, const std::string& token, const std::string& message,
+                     int threads);
+
+ private:
+  struct Kept;
+
+  std::shared_ptr<Kept> Take(const std::string& token);
+  std::string Keep(std::shared_ptr<Kept> kept);
+
+  std::mutex mutex_;  // guards kept_
+  std::map<std::string, std::shared_ptr<Kept>> kept_;
+};
+
+}  // namespace pliant

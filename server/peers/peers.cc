@@ -1,0 +1,426 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+#include "server/peers/peers.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <map>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include <curl/curl.h>
+#include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
+
+#include "descriptor/base/error.h"
+
+namespace pliant::server {
+namespace {
+
+using Clock = PartServers::Clock;
+using std::chrono::duration_cast;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kStateTimeout{1000};
+// A server that failed or was overtaken is asked last for so long.
+constexpr milliseconds kAvoidFor{1000};
+// The second server of a part is asked when the first takes longer than 95 of 100 of its last
+// answers, and at least this ("hedged requests": Dean and Barroso, "The tail at scale", CACM 2013).
+constexpr milliseconds kLeastHedge{10};
+constexpr milliseconds kFirstHedge{200};  // until there are answers
+constexpr std::size_t kLeastAnswers = 20;
+constexpr std::size_t kAnswers = 100;
+
+constexpr long kOk = 200;
+constexpr long kConflict = 409;
+
+// The last durations of a server's answers to one step. Guarded by its user.
+class Durations {
+ public:
+  void Add(milliseconds one) {
+    last_[next_++ % kAnswers] = one;
+    count_ = std::min(count_ + 1, kAnswers);
+  }
+  milliseconds Hedge() const {
+    if (count_ < kLeastAnswers) return kFirstHedge;
+    auto sorted = last_;
+    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(count_ * 95 / 100);
+    std::nth_element(sorted.begin(), at, sorted.begin() + static_cast<std::ptrdiff_t>(count_));
+    return std::max(kLeastHedge, *at);
+  }
+
+ private:
+  std::array<milliseconds, kAnswers> last_{};
+  std::size_t next_ = 0;
+  std::size_t count_ = 0;
+};
+
+std::size_t OnBody(const char* data, std::size_t, std::size_t bytes, void* text) {
+  static_cast<std::string*>(text)->append(data, bytes);
+  return bytes;
+}
+
+void Require(bool done) {
+  if (!done) throw std::runtime_error("libcurl ran out of memory");
+}
+
+// One request that runs.
+struct Call {
+  std::size_t part = 0;
+  std::size_t server = 0;
+  Clock::time_point began = Clock::now();
+  std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle{curl_easy_init(), curl_easy_cleanup};
+  std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers{nullptr, curl_slist_free_all};
+  std::string body;  // of the answer
+};
+
+using Multi = std::unique_ptr<CURLM, decltype(&curl_multi_cleanup)>;
+
+}  // namespace
+
+const char* PeerOutcomeName(PeerOutcome outcome) {
+  constexpr const char* kNames[] = {"answered", "refused", "failed", "overtaken"};
+  return kNames[static_cast<int>(outcome)];
+}
+
+class Peers::Servers : public PartServers {
+ public:
+  Servers(PeerLayout layout, OnRequest on_request)
+      : layout_(std::move(layout)), on_request_(std::move(on_request)) {
+    for (const auto& part : layout_.parts) known_.emplace_back(part.size());
+  }
+
+  const PeerLayout& layout() const { return layout_; }
+  int parts() const override { return static_cast<int>(layout_.parts.size()); }
+  milliseconds timeout() const override { return layout_.timeout; }
+
+  std::vector<std::optional<Reply>> Ask(const std::function<const std::string&()>& body,
+                                        std::span<const Kept> kept, const std::string& to_kept,
+                                        Clock::time_point until) override {
+    Exchange exchange(*this, kept.empty() ? 0 : 1);
+    for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
+      if (!kept.empty() && kept[part].token.empty()) continue;
+      exchange.AddPart(part, kept.empty() ? nullptr : &kept[part]);
+    }
+    return exchange.Run(body, to_kept, until);
+  }
+
+  std::vector<PeerState> States();
+
+ private:
+  struct Known {
+    std::array<Durations, 2> durations;  // by step
+    Clock::time_point avoid_until{};
+  };
+  // What is asked of a server: with the votes that it keeps, or the whole.
+  struct Turn {
+    std::size_t server = 0;
+    std::string token;
+  };
+  // One step of one ranking, on the thread that waits for it.
+  class Exchange {
+   public:
+    Exchange(Servers& all, std::size_t step)
+        : all_(all), step_(step), multi_(all.Borrow()), replies_(all.layout_.parts.size()) {}
+    ~Exchange();
+    Exchange(const Exchange&) = delete;
+    Exchange& operator=(const Exchange&) = delete;
+
+    void AddPart(std::size_t part, const Kept* kept);
+    std::vector<std::optional<Reply>> Run(const std::function<const std::string&()>& body,
+                                          const std::string& to_kept, Clock::time_point until);
+
+   private:
+    struct Waiting {  // a part without a reply
+      std::vector<Turn> turns;
+      std::size_t next = 0;
+      std::size_t running = 0;
+      Clock::time_point hedge_at = Clock::time_point::max();
+    };
+    void Start(std::size_t part, const std::function<const std::string&()>& body,
+               const std::string& to_kept, Clock::time_point until);
+    void TakeFinished();
+    void Finish(Call& call, CURLcode code);
+    void End(std::size_t call, PeerOutcome outcome, bool slow = true);
+
+    Servers& all_;
+    const std::size_t step_;
+    Multi multi_;
+    std::map<std::size_t, Waiting> waiting_;
+    std::vector<std::unique_ptr<Call>> calls_;
+    std::vector<std::optional<Reply>> replies_;
+  };
+
+  Multi Borrow() {
+    const std::lock_guard lock(mutex_);
+    if (idle_.empty()) {
+      Multi made(curl_multi_init(), curl_multi_cleanup);
+      Require(made != nullptr);
+      return made;
+    }
+    Multi multi = std::move(idle_.back());
+    idle_.pop_back();
+    return multi;
+  }
+  void GiveBack(Multi multi) {
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(multi));
+  }
+  // Of a part, in the order in which they are asked.
+  std::vector<std::size_t> Order(std::size_t part) {
+    const std::lock_guard lock(mutex_);
+    const std::size_t count = known_[part].size();
+    std::vector<std::size_t> order;
+    for (std::size_t i = 0; i < count; ++i) order.push_back((turn_ + i) % count);
+    ++turn_;
+    std::ranges::stable_sort(order, {}, [&, now = Clock::now()](std::size_t server) {
+      return known_[part][server].avoid_until > now;
+    });
+    return order;
+  }
+  milliseconds Hedge(std::size_t part, std::size_t server, std::size_t step) {
+    const std::lock_guard lock(mutex_);
+    return known_[part][server].durations[step].Hedge();
+  }
+  void Note(const Call& call, std::size_t step, PeerOutcome outcome, bool slow) {
+    const auto took = Clock::now() - call.began;
+    on_request_(call.part, outcome, std::chrono::duration<double>(took).count());
+    const std::lock_guard lock(mutex_);
+    Known& known = known_[call.part][call.server];
+    if (outcome == PeerOutcome::kAnswered) {
+      known.durations[step].Add(duration_cast<milliseconds>(took));
+      known.avoid_until = {};
+    } else if (outcome != PeerOutcome::kRefused && slow) {
+      known.avoid_until = Clock::now() + kAvoidFor;
+    }
+  }
+  std::unique_ptr<Call> Prepare(std::size_t part, std::size_t server, const std::string& path,
+                                milliseconds timeout) const;
+
+  const PeerLayout layout_;
+  const OnRequest on_request_;
+  std::mutex mutex_;                       // guards the rest
+  std::vector<std::vector<Known>> known_;  // by part and server
+  std::vector<Multi> idle_;                // with their open connections
+  std::size_t turn_ = 0;
+};
+
+std::unique_ptr<Call> Peers::Servers::Prepare(std::size_t part, std::size_t server,
+                                              const std::string& path, milliseconds timeout) const {
+  auto call = std::make_unique<Call>();
+  CURL* const handle = call->handle.get();
+  Require(handle != nullptr);
+  call->part = part;
+  call->server = server;
+  const auto add = [&](const std::string& header) {
+    curl_slist* const longer = curl_slist_append(call->headers.get(), header.c_str());
+    Require(longer != nullptr);
+    (void)call->headers.release();
+    call->headers.reset(longer);
+  };
+  add("Content-Type: application/octet-stream");
+  add("Expect:");
+  if (!layout_.key.empty()) add("Authorization: Bearer " + layout_.key);
+  const auto ms = std::max<long>(1, static_cast<long>(timeout.count()));
+  add("X-Pliant-Timeout-Ms: " + std::to_string(ms));
+  curl_easy_setopt(handle, CURLOPT_URL, (layout_.parts[part][server] + path).c_str());
+  curl_easy_setopt(handle, CURLOPT_HTTPHEADER, call->headers.get());
+  curl_easy_setopt(handle, CURLOPT_TIMEOUT_MS, ms);
+  curl_easy_setopt(handle, CURLOPT_NOSIGNAL, 1L);
+  curl_easy_setopt(handle, CURLOPT_PROXY, "");
+  curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, OnBody);
+  curl_easy_setopt(handle, CURLOPT_WRITEDATA, &call->body);
+  curl_easy_setopt(handle, CURLOPT_PRIVATE, call.get());
+  return call;
+}
+
+Peers::Servers::Exchange::~Exchange() {
+  for (const auto& call : calls_) {
+    if (call) curl_multi_remove_handle(multi_.get(), call->handle.get());
+  }
+  all_.GiveBack(std::move(multi_));
+}
+
+void Peers::Servers::Exchange::AddPart(std::size_t part, const Kept* kept) {
+  Waiting& waiting = waiting_[part];
+  if (kept != nullptr) waiting.turns.push_back({kept->server, kept->token});
+  for (const std::size_t server : all_.Order(part)) waiting.turns.push_back({server, {}});
+  // Last, as it may have restarted: its votes are gone, but the part is there.
+  if (kept == nullptr) return;
+  std::stable_partition(waiting.turns.begin() + 1, waiting.turns.end(),
+                        [&](const Turn& turn) { return turn.server != kept->server; });
+}
+
+void Peers::Servers::Exchange::Start(std::size_t part,
+                                     const std::function<const std::string&()>& body,
+                                     const std::string& to_kept, Clock::time_point until) {
+  Waiting& waiting = waiting_.at(part);
+  const Turn& turn = waiting.turns[waiting.next++];
+  const auto now = Clock::now();
+  std::string path =
+      "/v1/peer/rank?part=" + std::to_string(part + 1) + "&parts=" + std::to_string(all_.parts());
+  if (!turn.token.empty()) path += "&token=" + turn.token;
+  auto call = all_.Prepare(part, turn.server, path, duration_cast<milliseconds>(until - now));
+  const std::string& text = turn.token.empty() ? body() : to_kept;
+  curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDSIZE_LARGE,
+                   static_cast<curl_off_t>(text.size()));
+  curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDS, text.data());  // not copied
+  ++waiting.running;
+  waiting.hedge_at = waiting.next < waiting.turns.size()
+                         ? now + all_.Hedge(part, turn.server, step_)
+                         : Clock::time_point::max();
+  calls_.push_back(std::move(call));
+  Require(curl_multi_add_handle(multi_.get(), calls_.back()->handle.get()) == CURLM_OK);
+}
+
+void Peers::Servers::Exchange::End(std::size_t i, PeerOutcome outcome, bool slow) {
+  curl_multi_remove_handle(multi_.get(), calls_[i]->handle.get());
+  all_.Note(*calls_[i], step_, outcome, slow);
+  calls_[i].reset();
+}
+
+void Peers::Servers::Exchange::TakeFinished() {
+  int left = 0;
+  while (const CURLMsg* message = curl_multi_info_read(multi_.get(), &left)) {
+    if (message->msg != CURLMSG_DONE) continue;
+    const CURLcode code = message->data.result;  // the message goes with its handle
+    const auto found = std::ranges::find_if(calls_, [&](const auto& call) {
+      return call && call->handle.get() == message->easy_handle;
+    });
+    if (found == calls_.end()) continue;
+    const Call& call = **found;
+    long status = 0;
+    curl_easy_getinfo(call.handle.get(), CURLINFO_RESPONSE_CODE, &status);
+    const std::size_t part = call.part;
+    const std::size_t server = call.server;
+    const auto began = call.began;
+    const bool answers = code == CURLE_OK && (status == kOk || status == kConflict);
+    if (!answers) {
+      spdlog::warn("peer {} did not answer for part {}: {}", all_.layout_.parts[part][server],
+                   part + 1,
+                   code == CURLE_OK ? "status " + std::to_string(status)
+                                    : std::string(curl_easy_strerror(code)));
+    }
+    std::string body = std::move((*found)->body);
+    End(static_cast<std::size_t>(found - calls_.begin()), !answers ? PeerOutcome::kFailed
+                                                          : status == kConflict
+                                                              ? PeerOutcome::kRefused
+                                                              : PeerOutcome::kAnswered);
+    const auto waiting = waiting_.find(part);
+    if (waiting == waiting_.end()) continue;
+    --waiting->second.running;
+    if (!answers) continue;
+    replies_[part] = Reply{std::move(body), status == kConflict, server};
+    waiting_.erase(waiting);
+    for (std::size_t i = 0; i < calls_.size(); ++i) {
+      if (!calls_[i] || calls_[i]->part != part) continue;
+      End(i, PeerOutcome::kOvertaken, /*slow=*/calls_[i]->began < began);
+    }
+  }
+}
+
+std::vector<std::optional<PartServers::Reply>> Peers::Servers::Exchange::Run(
+    const std::function<const std::string&()>& body, const std::string& to_kept,
+    Clock::time_point until) {
+  while (true) {
+    const auto now = Clock::now();
+    auto wake = until;
+    for (auto at = waiting_.begin(); at != waiting_.end();) {
+      Waiting& part = at->second;
+      const bool has_next = part.next < part.turns.size();
+      if (part.running == 0 && !has_next) {  // all failed
+        at = waiting_.erase(at);
+        continue;
+      }
+      if (now < until && has_next && (part.running == 0 || now >= part.hedge_at)) {
+        Start(at->first, body, to_kept, until);
+      }
+      wake = std::min(wake, part.hedge_at);
+      ++at;
+    }
+    if (waiting_.empty() || now >= until) break;
+    int running = 0;
+    Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
+    const std::size_t parts = waiting_.size();
+    TakeFinished();
+    const auto any_idle = [](const auto& entry) { return entry.second.running == 0; };
+    if (waiting_.size() < parts || std::ranges::any_of(waiting_, any_idle)) continue;
+    const auto wait = duration_cast<milliseconds>(wake - Clock::now()) + milliseconds(1);
+    Require(curl_multi_poll(multi_.get(), nullptr, 0,
+                            static_cast<int>(std::max<milliseconds::rep>(0, wait.count())),
+                            nullptr) == CURLM_OK);
+  }
+  for (std::size_t i = 0; i < calls_.size(); ++i) {
+    if (calls_[i]) End(i, PeerOutcome::kFailed);
+  }
+  return std::move(replies_);
+}
+
+std::vector<PeerState> Peers::Servers::States() {
+  std::vector<PeerState> states;
+  std::vector<std::unique_ptr<Call>> calls;
+  Multi multi = Borrow();
+  for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
+    for (std::size_t server = 0; server < layout_.parts[part].size(); ++server) {
+      calls.push_back(Prepare(part, server, "/v1/peer", kStateTimeout));
+      states.push_back({static_cast<int>(part) + 1, layout_.parts[part][server]});
+      Require(curl_multi_add_handle(multi.get(), calls.back()->handle.get()) == CURLM_OK);
+    }
+  }
+  int running = 1;
+  while (running > 0 && curl_multi_perform(multi.get(), &running) == CURLM_OK && running > 0) {
+    curl_multi_poll(multi.get(), nullptr, 0, static_cast<int>(kStateTimeout.count()), nullptr);
+  }
+  for (std::size_t i = 0; i < calls.size(); ++i) {
+    long status = 0;
+    curl_easy_getinfo(calls[i]->handle.get(), CURLINFO_RESPONSE_CODE, &status);
+    curl_multi_remove_handle(multi.get(), calls[i]->handle.get());
+    const auto json = nlohmann::json::parse(calls[i]->body, nullptr, false);
+    if (status != kOk || !json.is_object()) continue;
+    states[i].answers =
+        json.value("part", 0) == states[i].part && json.value("parts", 0) == parts();
+    states[i].followed = json.value("followed", std::int64_t{0});
+  }
+  GiveBack(std::move(multi));
+  return states;
+}
+
+Peers::Peers(std::filesystem::path file, OnRequest on_request)
+    : file_(std::move(file)),
+      on_request_(std::move(on_request)),
+      current_(std::make_shared<Servers>(ReadPeerLayout(file_), on_request_)) {
+  static const CURLcode once = curl_global_init(CURL_GLOBAL_DEFAULT);
+  Require(once == CURLE_OK);
+}
+
+std::shared_ptr<PartServers> Peers::Current() {
+  const std::lock_guard lock(mutex_);
+  std::error_code error;
+  const auto written = std::filesystem::last_write_time(file_, error);
+  if (error || written == read_at_) return current_;
+  read_at_ = written;
+  try {
+    PeerLayout layout = ReadPeerLayout(file_);
+    if (layout != current_->layout()) {
+      spdlog::info("searches now ask the {} parts of {}", layout.parts.size(), file_.string());
+      current_ = std::make_shared<Servers>(std::move(layout), on_request_);
+    }
+  } catch (const Error& failure) {
+    spdlog::error("{}; the servers stay as they were", failure.what());
+  }
+  return current_;
+}
+
+std::vector<PeerState> Peers::States() {
+  (void)Current();
+  std::shared_ptr<Servers> servers;
+  {
+    const std::lock_guard lock(mutex_);
+    servers = current_;
+  }
+  return servers->States();
+}
+
+}  // namespace pliant::server

@@ -1,0 +1,54 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The part of the index that this server holds, for other servers (index/engine/index_parts.h). Not
+// in the OpenAPI document: clients do not call it.
+#include <algorithm>
+#include <chrono>
+
+#include "descriptor/base/strings.h"
+#include "server/http/problem.h"
+#include "server/routes/answers.h"
+#include "server/routes/routes.h"
+
+namespace pliant::server {
+namespace {
+
+constexpr int kMostParts = 4096;
+constexpr std::chrono::milliseconds kDefaultTimeout{5000};
+
+Response Rank(Service& service, const Request& request, const Parameters& parameters) {
+  const auto timeout = NumberOf<int>(request.header("X-Pliant-Timeout-Ms"));
+  const auto turn =
+      service.part_turns.Take(timeout ? std::chrono::milliseconds(*timeout) : kDefaultTimeout);
+  if (!turn) throw ProblemError("busy", "The server is busy with other parts of searches.");
+  return {.content_type = kFileType,
+          .body = service.engine().RankPart(
+              {.part = parameters.Value<int>("part"), .parts = parameters.Value<int>("parts")},
+              parameters.Text("token").value_or(""), request.body, turn->threads)};
+}
+
+Response State(Service& service, const Request&, const Parameters&) {
+  const IndexShare& share = service.options.engine.share;
+  return JsonResponse(
+      {{"part", share.part}, {"parts", share.parts}, {"followed", service.engine().followed()}});
+}
+
+}  // namespace
+
+void AddPeerRoutes(RouteTable& table) {
+  table.Add("GET /v1/peer", "peer.get", State)
+      .Summary("Say which part of the index this server holds")
+      .Needs(Scope::kPeer)
+      .Answers(200, "the part", "Status");
+  table.Add("POST /v1/peer/rank", "peer.rank", Rank)
+      .Summary("Rank the images of a part of the index")
+      .Needs(Scope::kPeer)
+      .Body(BodyKind::kFile)
+      .Takes({Parameter("part", "of the index").Integer(1, kMostParts).Required(),
+              Parameter("parts", "that the index has").Integer(1, kMostParts).Required(),
+              Parameter("token", "of the first step")})
+      .Sends(kFileType, "a message")
+      .Codes({"part_elsewhere", "part_changed"});
+}
+
+}  // namespace pliant::server

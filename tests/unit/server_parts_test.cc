@@ -1,0 +1,103 @@
+// SPDX-FileCopyrightText: The Pliant authors
+// SPDX-License-Identifier: Apache-2.0
+// The options and the file of an index in parts.
+#include <fstream>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/app/options.h"
+#include "server/peers/part_turns.h"
+#include "server/peers/peer_layout.h"
+#include "tests/unit/expect_error.h"
+#include "tests/unit/index_test_images.h"
+
+namespace pliant::server {
+namespace {
+
+using pliant::testing::ExpectError;
+using pliant::testing::TemporaryFolder;
+
+class PeerLayoutTest : public ::testing::Test {
+ protected:
+  PeerLayout Read(const std::string& text) {
+    std::ofstream(folder_ / "peers.toml") << text;
+    return ReadPeerLayout(folder_ / "peers.toml");
+  }
+  void ExpectInvalid(const std::string& text, const std::string& why) {
+    try {
+      Read(text);
+      ADD_FAILURE() << "was read:\n" << text;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.reason(), "peers_invalid");
+      EXPECT_THAT(error.what(), ::testing::HasSubstr(why));
+      EXPECT_THAT(error.what(), ::testing::HasSubstr("peers.toml"));
+    }
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(PeerLayoutTest, NamesTheServersOfEachPart) {
+  const PeerLayout layout = Read(
+      "# ours\nkey = \"plk_1\"\ntimeout_ms = 250\n[parts]\n"
+      "1 = [\"http://a:1\", \"https://b:2\"]\n2 = [\"http://c:3\"]\n");
+  EXPECT_EQ(layout.key, "plk_1");
+  EXPECT_EQ(layout.timeout, std::chrono::milliseconds(250));
+  EXPECT_EQ(layout.parts,
+            (std::vector<std::vector<std::string>>{{"http://a:1", "https://b:2"}, {"http://c:3"}}));
+  EXPECT_EQ(Read("[parts]\n1 = [\"http://a:1\"]\n").key, "");
+}
+
+TEST_F(PeerLayoutTest, SaysWhatIsWrong) {
+  ExpectInvalid("", "no servers");
+  ExpectInvalid("[parts]\n2 = [\"http://a:1\"]\n", "in order");
+  ExpectInvalid("[parts]\n1 = [\"a:1\"]\n", "'a:1'");
+  ExpectInvalid("timeout_ms = soon\n[parts]\n1 = [\"http://a:1\"]\n", "timeout_ms");
+  ExpectInvalid("keys = 1\n[parts]\n1 = [\"http://a:1\"]\n", "unknown entry keys");
+  std::filesystem::remove(folder_ / "peers.toml");
+  ExpectError(ErrorCode::kInvalidArgument, "peers_invalid",
+              [&] { ReadPeerLayout(folder_ / "peers.toml"); });
+}
+
+TEST_F(PeerLayoutTest, TheOptionsMustFitTogether) {
+  ServerOptions options;
+  options.database = "postgresql://db/pliant";
+  options.peers = folder_ / "peers.toml";
+  options.index_dir = folder_.path();
+  for (const char* part : {"1/1", "1/4", "4/4"}) {
+    options.part = part;
+    EXPECT_NO_THROW(CheckOptions(options)) << part;
+  }
+  for (const char* part : {"", "0/4", "5/4", "1", "1/", "a/4", "1/5000", "-1/4"}) {
+    options.part = part;
+    ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
+  }
+  options.part = "1/4";
+  options.index_dir = folder_ / "missing";
+  ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
+  options.index_dir = "";
+  options.database = folder_ / "a.db";
+  ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
+}
+
+TEST(PartTurns, ShareTheCoresAndEnd) {
+  PartTurns turns(4);
+  auto first = turns.Take(std::chrono::milliseconds(0));
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->threads, 4);
+  {
+    auto second = turns.Take(std::chrono::milliseconds(0));
+    auto third = turns.Take(std::chrono::milliseconds(0));
+    auto fourth = turns.Take(std::chrono::milliseconds(0));
+    ASSERT_TRUE(second && third && fourth);
+    EXPECT_EQ(second->threads, 2);
+    EXPECT_EQ(fourth->threads, 1);
+    EXPECT_FALSE(turns.Take(std::chrono::milliseconds(1)));
+  }
+  EXPECT_TRUE(turns.Take(std::chrono::milliseconds(0)));
+}
+
+}  // namespace
+}  // namespace pliant::server
