@@ -56,6 +56,8 @@ set(PLIANT_PUBLIC_HEADERS
     descriptor/warp/tps.h
     descriptor/warp/tps_ransac.h
     index/engine/engine.h
+    index/engine/index_parts.h
+    index/records/index_share.h
     index/records/explanation.h
     index/records/filter.h
     index/records/location.h

@@ -94,10 +94,10 @@ EngineCore::~EngineCore() { ranker_->Save(); }
 
 Ranking EngineCore::Rank(const CollectionView& view, const RankQuery& query,
                          const RankOptions& options) {
-  Ranking ranking = options_.part_servers
-                        ? RankInParts(*options_.part_servers(), view, ranker_->followed(), query,
-                                      options)
-                        : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
+  Ranking ranking =
+      options_.part_servers
+          ? RankInParts(*options_.part_servers(), view, ranker_->followed(), query, options)
+          : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
   for (auto* images : {&ranking.candidates, &ranking.best}) {
     for (RankedImage& image : *images) image.ref.collection = view.collection;
   }

@@ -67,7 +67,7 @@ class EngineCore {
   std::unique_ptr<Store> store_;
   std::unique_ptr<MemoryRanker> ranker_;  // follows store_; destroyed before it
   PartAnswers part_answers_;
-  std::jthread follower_;                 // last: it uses the ranker
+  std::jthread follower_;  // last: it uses the ranker
 };
 
 }  // namespace pliant

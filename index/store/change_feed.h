@@ -47,8 +47,8 @@ class FeedView {
   virtual std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) = 0;
   virtual std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) = 0;
   virtual std::uint64_t CountImages(Key collection) = 0;  // also those of other shares
-  // The share's images with words of the vocabulary, which is the quantizer's, with versions above `after`,
-  // ascending, at most `chunk` at a time. Their codes are computed, on all cores.
+  // The share's images with words of the vocabulary, which is the quantizer's, with versions above
+  // `after`, ascending, at most `chunk` at a time. Their codes are computed, on all cores.
   virtual void ForEachImage(Key vocabulary, const Quantizer& quantizer, std::int64_t after,
                             std::size_t chunk,
                             const std::function<void(std::vector<IndexedImage>)>& work) = 0;

@@ -93,10 +93,12 @@ void AddKeyRoutes(RouteTable& table) {
   table.Add("POST /v1/keys", "keys.create", Create)
       .Summary("Create an API key. Only this answer shows it: the server stores its SHA-256")
       .Needs(Scope::kAdmin)
-      .Takes({Parameter("name", "name of the key, for people").Required(),
-              Parameter("scope", "read, write (includes read), admin (everything), or peer (for other servers)")
-                  .Choice({"read", "write", "admin", "peer"})
-                  .Default("read")})
+      .Takes(
+          {Parameter("name", "name of the key, for people").Required(),
+           Parameter("scope",
+                     "read, write (includes read), admin (everything), or peer (for other servers)")
+               .Choice({"read", "write", "admin", "peer"})
+               .Default("read")})
       .Answers(201, "the key, shown only here; Location has its address", "NewKey")
       .Codes({"first_key_admin"})
       .Example(R"(curl -H "Authorization: Bearer $ADMIN_KEY" -H "Content-Type: application/json" )"

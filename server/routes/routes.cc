@@ -7,9 +7,9 @@ namespace pliant::server {
 std::vector<Route> MakeRoutes(Service& service) {
   RouteTable table(service);
   for (const auto add :
-       {AddServerRoutes, AddKeyRoutes, AddQrRoutes, AddPeerRoutes, AddCollectionRoutes, AddImageRoutes,
-        AddImportRoutes, AddObjectRoutes, AddExportRoutes, AddSearchRoutes, AddCompareRoutes,
-        AddVocabularyRoutes, AddJobRoutes, AddBackupRoutes, AddDocumentRoute}) {
+       {AddServerRoutes, AddKeyRoutes, AddQrRoutes, AddPeerRoutes, AddCollectionRoutes,
+        AddImageRoutes, AddImportRoutes, AddObjectRoutes, AddExportRoutes, AddSearchRoutes,
+        AddCompareRoutes, AddVocabularyRoutes, AddJobRoutes, AddBackupRoutes, AddDocumentRoute}) {
     add(table);
   }
   std::vector<Route> routes = std::move(table.routes());

@@ -61,10 +61,10 @@ void Service::Open() {
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_options.warn = [](const std::string& failure) { spdlog::error("{}", failure); };
   if (!options.peers.empty()) {
-    peers_ = std::make_unique<Peers>(
-        options.peers, [this](std::size_t part, PeerOutcome outcome, double seconds) {
-          metrics.OnPeer(part, outcome, seconds);
-        });
+    peers_ = std::make_unique<Peers>(options.peers,
+                                     [this](std::size_t part, PeerOutcome outcome, double seconds) {
+                                       metrics.OnPeer(part, outcome, seconds);
+                                     });
     engine_options.part_servers = [this] { return peers_->Current(); };
   }
   engine_ = std::make_unique<Engine>(engine_options);

@@ -83,8 +83,8 @@ void BM_RankHistogram(benchmark::State& state) {
   const auto vocabulary = static_cast<std::size_t>(state.range(1));
   const auto snapshot = IndexOf(state.range(0), vocabulary).snapshot();
   RankOptions options;
-  const auto quantizer = std::make_shared<const Quantizer>(
-      std::make_shared<const Vocabulary>(RandomVocabulary(1)));
+  const auto quantizer =
+      std::make_shared<const Quantizer>(std::make_shared<const Vocabulary>(RandomVocabulary(1)));
   options.keep = 10;
   options.threads = static_cast<int>(state.range(2));
   std::mt19937_64 random(2);
@@ -92,7 +92,8 @@ void BM_RankHistogram(benchmark::State& state) {
   for (auto _ : state) {
     const Bow query = RandomBow(random, vocabulary);
     const auto start = std::chrono::steady_clock::now();
-    benchmark::DoNotOptimize(Rank(*snapshot, *quantizer, {.method = RankMethod::kHistogram, .bow = query}, options));
+    benchmark::DoNotOptimize(
+        Rank(*snapshot, *quantizer, {.method = RankMethod::kHistogram, .bow = query}, options));
     const double ms =
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     times.push_back(ms);

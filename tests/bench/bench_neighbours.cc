@@ -181,9 +181,8 @@ Figures AskHistograms(const Collection& all, const IndexSnapshot& snapshot,
     Stopwatch watch(threads);
     const auto words = quantizer.Assign(image.descriptors, threads);
     figures.assign += watch.Lap();
-    const Ranking ranking =
-        Rank(snapshot, quantizer, {.method = RankMethod::kHistogram, .bow = MakeBow(words)},
-             options);
+    const Ranking ranking = Rank(
+        snapshot, quantizer, {.method = RankMethod::kHistogram, .bow = MakeBow(words)}, options);
     figures.scan += watch.Lap();
     figures.right +=
         !ranking.best.empty() && IsRight(all, image, ranking.best.front().ref.version) ? 1U : 0U;

@@ -5,11 +5,13 @@
 
     bash tests/postgres/on_postgres.sh python3 tests/postgres/real_sets.py --bin build/release/bin REAL/packages:labels REAL/deforming:objects
 
-Each set is indexed into a file, `pliant db copy` brings it into PostgreSQL, and a server of each answers every query. A set in which the
-queries are searched too has its mean average precision, the others their top-1. Exit status 1 when a figure differs by more than half a point.
+Each set is indexed into a file, `pliant db copy` brings it into PostgreSQL, and a server of each answers every query, and so do servers
+that hold the index in parts. A set in which the queries are searched too has its mean average precision, the others their top-1. Exit status 1
+when a figure differs by more than half a point, or an answer of the parts from that of the server on PostgreSQL.
 """
 import argparse
 import collections
+import contextlib
 import json
 import os
 import pathlib
@@ -22,6 +24,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "chaos")
 from service.server import Connection, Server  # noqa: E402  (needs the path above)
 
 MOST_APART = 0.005
+PARTS = (2, 4)
 SEARCH = "/v1/collections/default/search"
 
 
@@ -63,16 +66,23 @@ def precision(relevant, ranked):
 
 
 class Asked:
-    """One database and the server on it: the hits of each query, and the sum of its figures."""
+    """One database and the server on it, or servers of its parts: the hits of each query, and the sum of its figures."""
 
-    def __init__(self, options, database, home, name):
-        self.server = Server([options.server, "--db", str(database), "--listen", "127.0.0.1:0"], home / f"{name}.log")
+    def __init__(self, options, database, home, name, parts=1):
+        peers, self.servers = home / f"{name}.toml", []
+        entries = ['"http://127.0.0.1:1"'] * parts  # until their ports are known
         try:
-            self.server.wait_ready()
-            self.connection = Connection(self.server.address, keep_alive=False)  # asked in turns, so each waits long
+            for i in range(parts):
+                peers.write_text("[parts]\n" + "".join(f"{n} = [{entry}]\n" for n, entry in enumerate(entries, 1)), encoding="ascii")
+                part = ["--part", f"{i + 1}/{parts}", "--peers", peers] if parts > 1 else []
+                self.servers.append(Server([options.server, "--db", str(database), "--listen", "127.0.0.1:0", *part], home / f"{name}-{i}.log"))
+                self.servers[i].wait_ready()
+                entries[i] = f'"http://127.0.0.1:{self.servers[i].address[1]}"'
+            peers.write_text("[parts]\n" + "".join(f"{n} = [{entry}]\n" for n, entry in enumerate(entries, 1)), encoding="ascii")
+            self.connection = Connection(self.servers[0].address, keep_alive=False)  # asked in turns, so each waits long
             self.ids = {pathlib.Path(row["source"]).name: row["id"] for row in self.records()}
         except BaseException:
-            self.server.kill()
+            self.__exit__()
             raise
         self.answers, self.figure = [], 0
 
@@ -80,7 +90,8 @@ class Asked:
         return self
 
     def __exit__(self, *error):
-        self.server.kill()
+        for server in self.servers:
+            server.kill()
 
     def records(self):
         after = ""
@@ -113,17 +124,21 @@ def measure(options, given):
         run(options.pliant, "db", "copy", url, "--db", home / "db", "--compare", "0")
         sizes = collections.Counter(image["object"] for image in images if image["searched"])
         queries = [(number, image) for number, image in enumerate(images) if image["query"]]
-        with Asked(options, home / "db", home, "file") as file, Asked(options, url, home, "postgres") as postgres:
-            both = file, postgres
+        with contextlib.ExitStack() as stack:
+            file, postgres = (stack.enter_context(Asked(options, *where)) for where in ((home / "db", home, "file"), (url, home, "postgres")))
+            divided = [stack.enter_context(Asked(options, url, home, f"parts{parts}", parts)) for parts in PARTS]
             for number, image in queries:
-                for asked in both:
+                for asked in (file, postgres, *divided):
                     asked.ask(number, image, sizes[image["object"]])
+        both = file, postgres
         equal = sum(a == b for a, b in zip(file.answers, postgres.answers))
+        equal_parts = [sum(a == b for a, b in zip(postgres.answers, parts.answers)) for parts in divided]
         refused = sum(status != 200 for status, _ in file.answers)
         figures = [asked.figure / len(queries) for asked in both]
         title = "mAP" if queries[0][1]["searched"] else "top-1"
-        print(f"| {name} | {title} | {figures[0]:.4f} | {figures[1]:.4f} | {equal} of {len(queries)} | {refused} |", flush=True)
-        return abs(figures[0] - figures[1]) <= MOST_APART
+        print(f"| {name} | {title} | {figures[0]:.4f} | {figures[1]:.4f} | {equal} of {len(queries)} | "
+              f"{', '.join(map(str, equal_parts))} | {refused} |", flush=True)
+        return abs(figures[0] - figures[1]) <= MOST_APART and set(equal_parts) == {len(queries)}
 
 
 def main():
@@ -135,7 +150,7 @@ def main():
     options.pliant, options.server = options.bin / "pliant", options.bin / "pliant-server"
     if "PLIANT_TEST_DATABASE" not in os.environ:
         sys.exit("start this by tests/postgres/on_postgres.sh")
-    print("| set | figure | file | PostgreSQL | equal answers | refused |\n|---|---|---|---|---|---|", flush=True)
+    print("| set | figure | file | PostgreSQL | equal answers | of 2 and 4 parts | refused |\n|---|---|---|---|---|---|---|", flush=True)
     good = [measure(options, given) for given in options.sets]
     sys.exit(0 if all(good) else 1)
 

@@ -11,11 +11,13 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+import urllib.error
 import urllib.request
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -94,6 +96,26 @@ def check_answers(cluster):
     searching.join()
     assert not failures, failures[:5]
     print(f"{len(counts)} searches, the same answer each time")
+    check_missing_part(cluster, after, expected)
+
+
+def check_missing_part(cluster, addresses, expected):
+    number = next(path for path in pathlib.Path(cluster.home).glob("server*") if (path / "part").read_text(encoding="ascii").strip() == "2/3")
+    os.kill(int((number / "pid").read_text(encoding="ascii")), signal.SIGKILL)
+    try:
+        search(addresses["1/3"])
+        raise AssertionError("a part is missing, and the search does not say so")
+    except urllib.error.HTTPError as error:
+        assert error.code == 503 and error.headers["Retry-After"] and json.loads(error.read())["code"] == "part_unavailable"
+    some = ask(addresses["1/3"], "POST", f"{COLLECTION}/search?limit=0&group_by=image&verify=none&partial=true", texture("3"))
+    assert abs(some["searched"] - 2 / 3) < 1e-9 and some["total"] < expected[0], some
+    with urllib.request.urlopen(f"{addresses['1/3']}/readyz", timeout=60) as answer:
+        parts = json.loads(answer.read())["parts"]
+    assert [part["part"] for part in parts if not part["answers"]] == [2], parts
+    with urllib.request.urlopen(f"{addresses['1/3']}/metrics", timeout=60) as answer:
+        assert 'pliant_part_requests_total{outcome="failed",part="2"}' in answer.read().decode()
+    cluster.call("up")
+    assert search(addresses["1/3"]) == expected
 
 
 def main():

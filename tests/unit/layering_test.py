@@ -17,7 +17,7 @@ ROOMS = {
                    "evaluation", "training"],
     "index": ["files", "records", "store", "store/sql", "store/sqlite", "store/postgres", "rank", "verify", "engine", "json",
               "selftest", "import", "tracking", "evaluation", "usage", "cli"],
-    "server": [("decoder", "http", "web"), "fetch", ("auth", "jobs", "openapi"), "routes", "app"],
+    "server": [("decoder", "http", "web"), ("fetch", "peers"), ("auth", "jobs", "openapi"), "routes", "app"],
     "python": ["native"],
 }
 FLOORS = {folder: {room: floor for floor, rooms in enumerate(order)
@@ -37,7 +37,7 @@ OWNERS = {
     "sqlite3": {"index/store/sqlite"},
     "libpq-fe.h": {"index/store/postgres"},
     "httplib": {"server"},
-    "curl/": {"server/fetch"},
+    "curl/": {"server/fetch", "server/peers"},
     "pango/": {"descriptor/drawing"},
     "prometheus/": {"server"},
     "pybind11/": {"python"},
