@@ -245,13 +245,12 @@ status() {
 up() {
   local name parts=0 copies=2 count
   if [ "${1:-}" = --parts ]; then
-    parts=${2:-}
-    [ $# -le 2 ] || { [ "$3" = --copies ] && [ $# -eq 4 ] && copies=$4; } || usage
-    count=0
+    [[ "$*" =~ ^--parts\ [1-9][0-9]*(\ --copies\ [1-9][0-9]*)?$ ]] || usage
+    parts=$2 copies=${4:-2} count=0
   else
     count=${1:-$([ -e "$home/primary" ] && echo 0 || echo 2)}
+    [[ $count =~ ^[0-9]+$ ]] || usage
   fi
-  [[ $count$parts$copies =~ ^[0-9]+$ ]] || usage
   for name in db1 db2 $(seq -f 'server%g' "$count"); do prepare "$name"; done
   start_primary
   start_standby

@@ -96,7 +96,7 @@ Ranking EngineCore::Rank(const CollectionView& view, const RankQuery& query,
                          const RankOptions& options) {
   Ranking ranking =
       options_.part_servers
-          ? RankInParts(*options_.part_servers(), view, ranker_->followed(), query, options)
+          ? RankInParts(options_.part_servers, view, ranker_->followed(), query, options)
           : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
   for (auto* images : {&ranking.candidates, &ranking.best}) {
     for (RankedImage& image : *images) image.ref.collection = view.collection;
@@ -203,11 +203,12 @@ Engine::Engine(std::unique_ptr<EngineCore> core)
 Engine::~Engine() = default;
 
 std::string EngineSearch::RankPart(const IndexShare& share, const std::string& token,
-                                   const std::string& message, int threads) {
+                                   const std::string& message, int threads,
+                                   std::chrono::steady_clock::time_point until) {
   if (share != core_.options().share) {
     throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not hold this part.");
   }
-  return core_.part_answers().Answer(core_.ranker(), token, message, threads);
+  return core_.part_answers().Answer(core_.ranker(), token, message, threads, until);
 }
 
 std::int64_t EngineSearch::followed() { return core_.ranker().followed(); }

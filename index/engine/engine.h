@@ -10,6 +10,7 @@
 // acknowledged write.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -219,10 +220,12 @@ class EngineSearch {
   Comparison Compare(Bytes first, Bytes second, int threads);
 
   // Answers another process's search for the part of the index that this one holds (`token`,
-  // `message` and the answer: index_parts.h). Throws kNotFound "part_elsewhere" if it is not here,
-  // kConflict "part_changed", kInvalidArgument "peer_message_invalid".
+  // `message` and the answer: index_parts.h), or gives up at `until` (kUnavailable "busy"). Throws
+  // kNotFound "part_elsewhere" if it is not here, kConflict "part_changed", kInvalidArgument
+  // "peer_message_invalid".
   std::string RankPart(const IndexShare& share, const std::string& token,
-                       const std::string& message, int threads);
+                       const std::string& message, int threads,
+                       std::chrono::steady_clock::time_point until);
   // The state of the database that the index of this process has reached.
   std::int64_t followed();
 

@@ -27,8 +27,10 @@ using Clock = PartServers::Clock;
 
 constexpr int kVersion = 1;
 // Votes that are kept for a second step: the oldest go first.
-constexpr std::size_t kMostKept = 256;
+constexpr std::size_t kMostKeptBytes = std::size_t{1} << 30U;
 constexpr std::chrono::seconds kKeptFor{30};
+// Attempts of a ranking while the parts change.
+constexpr int kMostAttempts = 4;
 
 template <typename T>
 Json Binary(const std::vector<T>& values) {
@@ -52,9 +54,56 @@ std::vector<T> ListIn(const Json& message, const char* name) {
   return values;
 }
 
+// The library reads nested values by recursion: a hostile message must not nest them deep.
+class ShallowParser : public nlohmann::detail::json_sax_dom_parser<Json> {
+  using Base = nlohmann::detail::json_sax_dom_parser<Json>;
+
+ public:
+  explicit ShallowParser(Json* json) : Base(*json, /*allow_exceptions=*/false) {}
+  bool start_object(std::size_t size) { return IsShallow() && Base::start_object(size); }
+  bool start_array(std::size_t size) { return IsShallow() && Base::start_array(size); }
+  bool end_object() { return --depth_ >= 0 && Base::end_object(); }
+  bool end_array() { return --depth_ >= 0 && Base::end_array(); }
+
+ private:
+  bool IsShallow() { return ++depth_ <= 3; }
+  int depth_ = 0;
+};
+
+// Ascending numbers, as their differences in 7 bits a byte.
+Json Ascending(const std::vector<std::int64_t>& numbers) {
+  std::vector<std::uint8_t> bytes;
+  std::uint64_t before = 0;
+  for (const std::int64_t number : numbers) {
+    auto rest = static_cast<std::uint64_t>(number) - before;
+    before = static_cast<std::uint64_t>(number);
+    for (; rest >= 0x80; rest >>= 7U) bytes.push_back(static_cast<std::uint8_t>(rest | 0x80U));
+    bytes.push_back(static_cast<std::uint8_t>(rest));
+  }
+  return Json::binary(std::move(bytes));
+}
+
+std::vector<std::int64_t> AscendingIn(const Json& message, const char* name) {
+  std::vector<std::int64_t> numbers;
+  std::uint64_t number = 0;
+  std::uint64_t rest = 0;
+  unsigned shift = 0;
+  for (const std::uint8_t byte : message.at(name).get_binary()) {
+    if (shift > 63) ThrowInvalid(name);
+    rest |= std::uint64_t{byte & 0x7FU} << shift;
+    shift += 7;
+    if ((byte & 0x80U) != 0) continue;
+    numbers.push_back(static_cast<std::int64_t>(number += rest));
+    rest = shift = 0;
+  }
+  return numbers;
+}
+
 Json Parsed(const std::string& message) {
-  Json json = Json::from_msgpack(message, /*strict=*/true, /*allow_exceptions=*/false);
-  if (!json.is_object() || json.value("version", 0) != kVersion) ThrowInvalid("its form");
+  Json json;
+  ShallowParser parser(&json);
+  const bool read = Json::sax_parse(message, &parser, Json::input_format_t::msgpack);
+  if (!read || !json.is_object() || json.value("version", 0) != kVersion) ThrowInvalid("its form");
   return json;
 }
 
@@ -85,9 +134,9 @@ Json QueryJson(const CollectionView& view, std::int64_t followed, const RankQuer
                {"keep", options.keep},
                {"min_score", options.min_score},
                {"nothing", options.admission.nothing},
-               {"without", Binary(options.admission.without_versions)}};
+               {"without", Ascending(options.admission.without_versions)}};
   if (options.admission.object_key) json["object"] = *options.admission.object_key;
-  if (options.admission.versions) json["versions"] = Binary(*options.admission.versions);
+  if (options.admission.versions) json["versions"] = Ascending(*options.admission.versions);
   return json;
 }
 
@@ -122,11 +171,11 @@ void ReadQuery(const Json& json, const Quantizer& quantizer, RankQuery* query,
   options->keep = json.at("keep");
   options->min_score = json.at("min_score");
   options->admission.nothing = json.at("nothing");
-  options->admission.without_versions = ListIn<std::int64_t>(json, "without");
+  options->admission.without_versions = AscendingIn(json, "without");
   if (json.contains("object")) options->admission.object_key = json.at("object").get<Key>();
   if (json.contains("versions")) {
     options->admission.versions =
-        std::make_shared<const std::vector<std::int64_t>>(ListIn<std::int64_t>(json, "versions"));
+        std::make_shared<const std::vector<std::int64_t>>(AscendingIn(json, "versions"));
   }
 }
 
@@ -151,88 +200,110 @@ std::vector<RankedImage> ImagesIn(const Json& list) {
   return images;
 }
 
-// What the first step says of a part.
-struct Counted {
-  std::size_t images = 0;
-  std::vector<std::uint32_t> voted;
-};
-
-[[noreturn]] void ThrowUnavailable(const std::string& parts) {
-  throw Error(ErrorCode::kUnavailable, "part_unavailable",
-              "No server answers for " + parts + " of the index. Try again shortly.");
-}
-
 using Replies = std::vector<std::optional<PartServers::Reply>>;
 
-// Throws for parts without a reply, unless the search does without them.
-void RequireReplies(const Replies& replies, bool partial) {
+// "part 2, 3": those without a reply, unless the search does without them.
+std::string MissingIn(const Replies& replies, bool partial) {
   std::string missing;
   for (std::size_t i = 0; i < replies.size(); ++i) {
     if (!replies[i]) missing += (missing.empty() ? "part " : ", ") + std::to_string(i + 1);
   }
   const bool any =
       std::ranges::any_of(replies, [](const auto& reply) { return reply.has_value(); });
-  if (!missing.empty() && !(partial && any)) ThrowUnavailable(missing);
+  return partial && any ? "" : missing;
 }
 
-}  // namespace
+// One search's exchange with the parts.
+class Exchange {
+ public:
+  Exchange(const CollectionView& view, std::int64_t followed, const RankQuery& query,
+           const RankOptions& options)
+      : query_(query),
+        options_(options),
+        message_(QueryJson(view, followed, query, options)),
+        counting_(Written(message_)) {}
 
-Ranking RankInParts(PartServers& servers, const CollectionView& view, std::int64_t followed,
-                    const RankQuery& query, const RankOptions& options) {
-  const auto until = Clock::now() + servers.timeout();
-  Json first = QueryJson(view, followed, query, options);
-  const std::string counting = Written(first);
-  while (true) {
+  // nullopt: a part has no server, or has changed between the steps; why() says which.
+  std::optional<Ranking> Run(PartServers& servers, Clock::time_point until) {
     const Replies counts =
-        servers.Ask([&]() -> const std::string& { return counting; }, {}, {}, until);
-    RequireReplies(counts, options.partial);
+        servers.Ask([&]() -> const std::string& { return counting_; }, {}, {}, until);
+    why_ = MissingIn(counts, options_.partial);
+    if (!why_.empty()) return std::nullopt;
     std::vector<PartServers::Kept> kept(counts.size());
-    Json digests = Json::array();
+    std::vector<std::string> digests(counts.size());
     std::size_t images = 0;
     std::size_t answered = 0;
-    std::vector<std::uint32_t> voted(query.descriptors.rows);
+    std::vector<std::uint32_t> voted(query_.descriptors.rows);
     for (std::size_t i = 0; i < counts.size(); ++i) {
-      digests.push_back("");
       if (!counts[i]) continue;
       const Json json = Parsed(counts[i]->body);
       const auto own = ListIn<std::uint32_t>(json, "voted");
-      if (own.size() != (query.method == RankMethod::kHistogram ? 0 : voted.size())) {
-        ThrowInvalid("its votes");
-      }
+      if (own.size() > voted.size()) ThrowInvalid("its votes");
       std::transform(own.begin(), own.end(), voted.begin(), voted.begin(), std::plus<>());
       images += json.at("images").get<std::size_t>();
       kept[i] = {counts[i]->server, json.at("token").get<std::string>()};
       digests[i] = DigestOf(own);
       ++answered;
     }
-    const std::size_t candidates = options.candidates ? options.candidates(images) : 0;
+    const std::size_t candidates = options_.candidates ? options_.candidates(images) : 0;
     const Json sums = {{"version", kVersion}, {"voted", Binary(voted)}, {"candidates", candidates}};
     std::string whole;  // for servers without the votes
     const auto again = [&]() -> const std::string& {
       if (whole.empty()) {
-        Json json = first;
+        Json json = message_;
         json.update(sums);
         json["digests"] = digests;
         whole = Written(json);
       }
       return whole;
     };
-    const Replies ranked = servers.Ask(again, kept, Written(sums), until);
     std::vector<PartRanking> parts;
-    for (const auto& reply : ranked) {
+    for (const auto& reply : servers.Ask(again, kept, Written(sums), until)) {
       if (!reply || reply->refused) continue;
       const Json json = Parsed(reply->body);
       parts.push_back({ImagesIn(json.at("candidates")), ImagesIn(json.at("best")),
-                       ListIn<Key>(json, "objects"), json.at("alone")});
+                       AscendingIn(json, "objects"), json.at("alone")});
     }
-    if (parts.size() < answered) {  // something changed between the steps
-      if (Clock::now() < until) continue;
-      ThrowUnavailable("some part");
-    }
-    Ranking ranking = Merge(std::move(parts), candidates, options);
+    why_ = "a part that has changed";
+    if (parts.size() < answered) return std::nullopt;
+    Ranking ranking = Merge(std::move(parts), candidates, options_);
     ranking.searched = static_cast<double>(answered) / static_cast<double>(counts.size());
     return ranking;
   }
+  const std::string& why() const { return why_; }
+
+ private:
+  const RankQuery& query_;
+  const RankOptions& options_;
+  const Json message_;
+  const std::string counting_;
+  std::string why_;
+};
+
+}  // namespace
+
+Ranking RankInParts(const std::function<std::shared_ptr<PartServers>()>& servers,
+                    const CollectionView& view, std::int64_t followed, const RankQuery& query,
+                    const RankOptions& options) {
+  Exchange exchange(view, followed, query, options);
+  std::shared_ptr<PartServers> asked = servers();
+  const auto until = Clock::now() + asked->timeout();
+  std::string why;
+  for (int attempt = 1; attempt <= kMostAttempts && Clock::now() < until; ++attempt) {
+    try {
+      if (auto ranking = exchange.Run(*asked, until)) return *std::move(ranking);
+      why = exchange.why();
+    } catch (const Json::exception& error) {
+      why = std::string("a part whose answer is unreadable: ") + error.what();
+    } catch (const Error& error) {
+      why = std::string("a part whose answer is unreadable: ") + error.what();
+    }
+    const std::shared_ptr<PartServers> now = servers();
+    if (now == asked && why.starts_with("part ")) break;
+    asked = now;
+  }
+  throw Error(ErrorCode::kUnavailable, "part_unavailable",
+              "No server answers for " + why + " of the index. Try again shortly.");
 }
 
 // One part of one query, between its steps.
@@ -241,42 +312,61 @@ struct PartAnswers::Kept {
   RankQuery query;
   RankOptions options;
   std::optional<PartRanker> ranker;
+  std::size_t bytes = 0;
   Clock::time_point since = Clock::now();
 };
 
+void PartAnswers::DropOld() {
+  const auto drop = [&](auto entry) {
+    kept_bytes_ -= entry->second->bytes;
+    return kept_.erase(entry);
+  };
+  const auto now = Clock::now();
+  for (auto entry = kept_.begin(); entry != kept_.end();) {
+    entry = now - entry->second->since > kKeptFor ? drop(entry) : std::next(entry);
+  }
+  while (kept_bytes_ > kMostKeptBytes) {
+    drop(
+        std::ranges::min_element(kept_, {}, [](const auto& entry) { return entry.second->since; }));
+  }
+}
+
 std::shared_ptr<PartAnswers::Kept> PartAnswers::Take(const std::string& token) {
   const std::lock_guard lock(mutex_);
+  DropOld();
   const auto found = kept_.find(token);
   if (found == kept_.end()) {
     throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not keep these votes.");
   }
   std::shared_ptr<Kept> kept = std::move(found->second);
   kept_.erase(found);
+  kept_bytes_ -= kept->bytes;
   return kept;
 }
 
 std::string PartAnswers::Keep(std::shared_ptr<Kept> kept) {
   const std::string token = RandomHex(32);
   const std::lock_guard lock(mutex_);
-  std::erase_if(kept_, [now = Clock::now()](const auto& entry) {
-    return now - entry.second->since > kKeptFor;
-  });
-  if (kept_.size() >= kMostKept) {
-    kept_.erase(
-        std::ranges::min_element(kept_, {}, [](const auto& entry) { return entry.second->since; }));
-  }
+  kept_bytes_ += kept->bytes;
   kept_.emplace(token, std::move(kept));
+  DropOld();
   return token;
 }
 
 std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
-                                const std::string& message, int threads) {
+                                const std::string& message, int threads, Clock::time_point until) {
+  const auto check_time = [&] {
+    if (Clock::now() >= until) {
+      throw Error(ErrorCode::kUnavailable, "busy", "The other server does not wait any more.");
+    }
+  };
   try {
     const Json json = Parsed(message);
     std::shared_ptr<Kept> kept;
     if (token.empty()) {
       kept = std::make_shared<Kept>();
-      kept->view = ranker.View(json.at("name"));
+      auto view = ranker.ViewNow(json.at("name"));
+      if (view) kept->view = *std::move(view);
       if (kept->view.collection != json.at("collection").get<Key>() ||
           kept->view.vocabulary != json.at("vocabulary").get<Key>() ||
           !kept->view.has_vocabulary() ||
@@ -286,6 +376,7 @@ std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
       }
       ReadQuery(json, *kept->view.quantizer, &kept->query, &kept->options);
       kept->options.threads = threads;
+      check_time();
       kept->ranker.emplace(*kept->view.snapshot, *kept->view.quantizer, kept->query, threads);
     } else {
       kept = Take(token);
@@ -296,6 +387,7 @@ std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
       Json counts = {{"version", kVersion},
                      {"voted", Binary(part.voted())},
                      {"images", kept->view.snapshot->images}};
+      kept->bytes = part.memory_bytes() + message.size();
       counts["token"] = Keep(std::move(kept));
       return Written(counts);
     }
@@ -308,11 +400,13 @@ std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
                     "The part has changed between the steps.");
       }
     }
-    const PartRanking ranking = part.Rank(voted, json.at("candidates"), kept->options);
+    check_time();
+    PartRanking ranking = part.Rank(voted, json.at("candidates"), kept->options);
+    std::ranges::sort(ranking.objects);
     return Written({{"version", kVersion},
                     {"candidates", ImagesJson(ranking.candidates)},
                     {"best", ImagesJson(ranking.best)},
-                    {"objects", Binary(ranking.objects)},
+                    {"objects", Ascending(ranking.objects)},
                     {"alone", ranking.alone}});
   } catch (const Json::exception& error) {
     ThrowInvalid(error.what());

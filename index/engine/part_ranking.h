@@ -3,7 +3,9 @@
 // Both sides of a ranking in parts (index_parts.h). Private to engine/.
 #pragma once
 
-#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -15,19 +17,21 @@
 
 namespace pliant {
 
-// Asks all parts. `followed`: the state of the database that they must have reached. Throws
-// kUnavailable "part_unavailable".
-Ranking RankInParts(PartServers& servers, const CollectionView& view, std::int64_t followed,
-                    const RankQuery& query, const RankOptions& options);
+// Asks all parts. `servers`: the present configuration, which can change meanwhile. `followed`: the
+// state of the database that they must have reached. Throws kUnavailable "part_unavailable".
+Ranking RankInParts(const std::function<std::shared_ptr<PartServers>()>& servers,
+                    const CollectionView& view, std::int64_t followed, const RankQuery& query,
+                    const RankOptions& options);
 
 // Answers for one part. Thread-safe.
 class PartAnswers {
  public:
-  // `token`: of the first step, or empty. Throws kNotFound "part_elsewhere" for another share, for
-  // a vocabulary or a state that is not here, and for unknown tokens: another server may know them;
-  // kConflict "part_changed"; kInvalidArgument "peer_message_invalid".
+  // `token`: of the first step, or empty. Nothing is ranked after `until`. Throws kNotFound
+  // "part_elsewhere" for another share, for a vocabulary or a state that is not here, and for
+  // unknown tokens: another server may know them; kConflict "part_changed"; kInvalidArgument
+  // "peer_message_invalid".
   std::string Answer(MemoryRanker& ranker, const std::string& token, const std::string& message,
-                     int threads);
+                     int threads, PartServers::Clock::time_point until);
 
  private:
   struct Kept;
@@ -35,8 +39,11 @@ class PartAnswers {
   std::shared_ptr<Kept> Take(const std::string& token);
   std::string Keep(std::shared_ptr<Kept> kept);
 
-  std::mutex mutex_;  // guards kept_
+  void DropOld();  // mutex_ held
+
+  std::mutex mutex_;  // guards the rest
   std::map<std::string, std::shared_ptr<Kept>> kept_;
+  std::size_t kept_bytes_ = 0;
 };
 
 }  // namespace pliant

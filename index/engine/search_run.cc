@@ -279,10 +279,13 @@ void SearchRun::VerifyDeeper(CandidateVerifier* verifier, std::vector<VerifiedIm
     deeper_ = Rank(deeper);
   }
   *ranking = *deeper_;
-  std::unordered_set<std::int64_t> looked_at;
-  for (const VerifiedImage& hit : *hits) looked_at.insert(hit.image.ref.version);
-  std::erase_if(ranking->candidates,
-                [&](const RankedImage& image) { return looked_at.contains(image.ref.version); });
+  // By id: an image may have been replaced since.
+  std::unordered_set<std::string> looked_at;
+  for (const VerifiedImage& hit : *hits) looked_at.insert(hit.image.ref.id);
+  for (auto* images : {&ranking->candidates, &ranking->best}) {
+    std::erase_if(*images,
+                  [&](const RankedImage& image) { return looked_at.contains(image.ref.id); });
+  }
   for (VerifiedImage& hit : verifier->VerifyAll(std::move(ranking->candidates))) {
     hits->push_back(std::move(hit));
   }

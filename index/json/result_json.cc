@@ -122,6 +122,7 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                {"mirrored", result.mirrored},
                {"query", examples.empty() ? std::move(query) : Json(nullptr)},
                {"total", result.total},
+               {"searched", result.searched},
                {"verdict", VerdictJson(result)},
                {"found", OrNull(result.found)},
                {"hits", std::move(hits)},
@@ -133,7 +134,6 @@ Json SearchResultJson(const SearchResult& result, double took_ms) {
                  {"rank_ms", t.rank_ms},
                  {"verify_ms", t.verify_ms},
                  {"database_ms", t.database_ms}}}};
-  if (result.searched < 1) json["searched"] = result.searched;
   if (!examples.empty()) json["examples"] = std::move(examples);
   return json;
 }

@@ -55,6 +55,14 @@ CollectionView MemoryRanker::View(const std::string& collection) {
   }
 }
 
+std::optional<CollectionView> MemoryRanker::ViewNow(const std::string& collection) {
+  const Lock lock(mutex_);
+  CatchUp();
+  const auto found = entries_.find(collection);
+  if (found == entries_.end() || !found->second.shown) return std::nullopt;
+  return ViewOf(collection, found->second);
+}
+
 CollectionView MemoryRanker::ViewOf(const std::string& name, const Entry& entry) {
   const Loaded& shown = *entry.shown;
   return {name, shown.collection, shown.vocabulary, shown.quantizer,

@@ -44,6 +44,8 @@ class MemoryRanker {
   // The present state: with all writes of this process and, unless a collection is just being
   // reloaded, of others. kNotFound "collection_not_found".
   CollectionView View(const std::string& collection);
+  // The same without loading: nullopt where that would be necessary.
+  std::optional<CollectionView> ViewNow(const std::string& collection);
   // Loads everything, so that the first search does not wait.
   void Load();
   // Call it after each commit of this process, before its writer returns: later views show the

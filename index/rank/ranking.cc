@@ -153,16 +153,9 @@ std::size_t CountObjects(std::span<std::vector<Key>> lists,
                          const std::unordered_set<Key>& but_not) {
   std::vector<Key> all;
   for (std::vector<Key>& list : lists) {
-    if (all.empty()) {
-      all = std::move(list);
-      continue;
-    }
-    if (list.empty()) continue;
-    std::ranges::sort(all);
-    std::ranges::sort(list);
     std::vector<Key> both;
     std::ranges::set_union(all, list, std::back_inserter(both));
-    all = std::move(both);
+    all = all.empty() ? std::move(list) : std::move(both);
   }
   return static_cast<std::size_t>(
       std::ranges::count_if(all, [&](Key object) { return !but_not.contains(object); }));
@@ -277,6 +270,12 @@ PartRanking PartRanker::Rank(std::span<const std::uint32_t> voted, std::size_t c
   std::vector<Candidate> images;
   for (const auto& part : found) images.insert(images.end(), part.begin(), part.end());
   return Chosen(std::move(images), candidates, options);
+}
+
+std::size_t PartRanker::memory_bytes() const {
+  std::size_t votes = 0;
+  for (const std::vector<Vote>& list : votes_) votes += list.capacity();
+  return votes * sizeof(Vote);
 }
 
 Ranking Rank(const IndexSnapshot& snapshot, const Quantizer& quantizer, const RankQuery& query,

@@ -83,7 +83,7 @@ struct PartRanking {
   std::vector<RankedImage> candidates;  // the part's best images, as many as all parts together
   // The best of the others, at most as many as `keep` and the candidates together.
   std::vector<RankedImage> best;
-  // Grouped by object: the objects of the others, each once, in any order.
+  // Grouped by object: the objects of the others, each once; ascending if there are other parts.
   std::vector<Key> objects;
   std::size_t alone = 0;  // number of the others that no object represents
 };
@@ -101,6 +101,7 @@ class PartRanker {
   // The second step, once. `voted`: sum over all parts. `candidates`: as all parts together.
   PartRanking Rank(std::span<const std::uint32_t> voted, std::size_t candidates,
                    const RankOptions& options);
+  std::size_t memory_bytes() const;  // of the votes
 
  private:
   const IndexSnapshot& snapshot_;

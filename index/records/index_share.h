@@ -4,6 +4,8 @@
 
 namespace pliant {
 
+inline constexpr int kMostParts = 4096;
+
 // The images of which a process holds the index: those whose id has a hash in this part of all
 // hashes.
 struct IndexShare {

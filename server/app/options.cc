@@ -17,6 +17,7 @@
 #include <sys/socket.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/parallel.h"
 #include "descriptor/base/strings.h"
 #include "index/store/database_url.h"
 #include "index/usage/usage.h"
@@ -282,7 +283,6 @@ void CheckDirectories(const ServerOptions& options) {
 }
 
 void CheckParts(const ServerOptions& options) {
-  constexpr int kMostParts = 4096;
   const bool on_server = IsDatabaseUrl(options.database);
   for (const auto& [flag, value] :
        {std::pair{"index-dir", options.index_dir}, std::pair{"part", options.part},
@@ -414,6 +414,7 @@ HttpOptions MakeHttpOptions(const ServerOptions& options) {
     http.host = http.host.substr(1, http.host.size() - 2);
   }
   http.threads = options.http_threads;
+  http.peer_threads = ResolveThreads(options.cores);
   http.connection_queue = options.connection_queue;
   http.max_connections = options.max_connections;
   http.connections_per_address = options.connections_per_address;

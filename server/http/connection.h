@@ -61,7 +61,7 @@ struct ConnectionContext {
   Workers health{2, 64};
   // Searches of other servers wait for these, and their searches may be what all other threads wait
   // for.
-  Workers peers{16, sessions.options.connection_queue};
+  Workers peers{sessions.options.peer_threads, sessions.options.connection_queue};
   // A step of a handshake takes milliseconds of a core (RSA): one core, so that others stay free.
   Workers handshakes{1, sessions.options.max_connections};
 };

@@ -34,6 +34,7 @@ struct HttpOptions {
   std::string host = "127.0.0.1";
   int port = 8080;                  // 0 = any free one
   int threads = 64;                 // requests served at once
+  int peer_threads = 1;             // for requests of other servers of the same database
   int connection_queue = 256;       // requests that wait for a thread; more get 503
   int max_connections = 2048;       // open at once; more get 503
   int connections_per_address = 0;  // likewise; 0 = no limit

@@ -119,7 +119,7 @@ constexpr const char* kSchemas = R"json({
     "examples[]?": {"": "with image_ids", "image_id": "string", "keypoints": "integer",
       "width": "integer", "height": "integer"},
     "total": "integer: number of hits over all pages",
-    "searched": "number or absent: with partial=true, the share of the index that was searched, if parts were missing",
+    "searched": "number: share of the index that was searched: 1, or less with partial=true",
     "verdict": "'found'|'perhaps'|'not_found'|null: perhaps: the first hit has a probability of 0.2 or more",
     "found": "integer|null: number of hits as likely as the collection's found_from",
     "hits": "Hit[]", "timings": {"...": "number"}},

@@ -7,7 +7,9 @@
 #include <atomic>
 #include <map>
 #include <optional>
+#include <random>
 #include <system_error>
+#include <tuple>
 #include <utility>
 
 #include <curl/curl.h>
@@ -33,7 +35,14 @@ constexpr milliseconds kFirstHedge{200};  // until there are answers
 constexpr std::size_t kLeastAnswers = 20;
 constexpr std::size_t kAnswers = 100;
 
+constexpr std::chrono::seconds kAskStatesEvery{3};
+constexpr std::size_t kMostReplyBytes = std::size_t{256} << 20U;
+// Steps whose durations are known apart: of the first, and of the second with kept votes.
+constexpr std::size_t kCounting = 0;
+constexpr std::size_t kRanking = 1;
+
 constexpr long kOk = 200;
+constexpr long kNotFound = 404;
 constexpr long kConflict = 409;
 
 // The last durations of a server's answers to one step. Guarded by its user.
@@ -57,8 +66,11 @@ class Durations {
   std::size_t count_ = 0;
 };
 
+// Another number than `bytes` ends the request.
 std::size_t OnBody(const char* data, std::size_t, std::size_t bytes, void* text) {
-  static_cast<std::string*>(text)->append(data, bytes);
+  auto& body = *static_cast<std::string*>(text);
+  if (body.size() + bytes > kMostReplyBytes) return 0;
+  body.append(data, bytes);
   return bytes;
 }
 
@@ -70,6 +82,7 @@ void Require(bool done) {
 struct Call {
   std::size_t part = 0;
   std::size_t server = 0;
+  std::optional<std::size_t> step;  // whose duration counts
   Clock::time_point began = Clock::now();
   std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle{curl_easy_init(), curl_easy_cleanup};
   std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers{nullptr, curl_slist_free_all};
@@ -90,6 +103,7 @@ class Peers::Servers : public PartServers {
   Servers(PeerLayout layout, OnRequest on_request)
       : layout_(std::move(layout)), on_request_(std::move(on_request)) {
     for (const auto& part : layout_.parts) known_.emplace_back(part.size());
+    for (const auto& part : known_) turns_.push_back(std::random_device()() % part.size());
   }
 
   const PeerLayout& layout() const { return layout_; }
@@ -99,7 +113,7 @@ class Peers::Servers : public PartServers {
   std::vector<std::optional<Reply>> Ask(const std::function<const std::string&()>& body,
                                         std::span<const Kept> kept, const std::string& to_kept,
                                         Clock::time_point until) override {
-    Exchange exchange(*this, kept.empty() ? 0 : 1);
+    Exchange exchange(*this, !kept.empty());
     for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
       if (!kept.empty() && kept[part].token.empty()) continue;
       exchange.AddPart(part, kept.empty() ? nullptr : &kept[part]);
@@ -114,16 +128,14 @@ class Peers::Servers : public PartServers {
     std::array<Durations, 2> durations;  // by step
     Clock::time_point avoid_until{};
   };
-  // What is asked of a server: with the votes that it keeps, or the whole.
-  struct Turn {
-    std::size_t server = 0;
-    std::string token;
-  };
   // One step of one ranking, on the thread that waits for it.
   class Exchange {
    public:
-    Exchange(Servers& all, std::size_t step)
-        : all_(all), step_(step), multi_(all.Borrow()), replies_(all.layout_.parts.size()) {}
+    Exchange(Servers& all, bool is_second)
+        : all_(all),
+          is_second_(is_second),
+          multi_(all.Borrow()),
+          replies_(all.layout_.parts.size()) {}
     ~Exchange();
     Exchange(const Exchange&) = delete;
     Exchange& operator=(const Exchange&) = delete;
@@ -133,20 +145,22 @@ class Peers::Servers : public PartServers {
                                           const std::string& to_kept, Clock::time_point until);
 
    private:
-    struct Waiting {  // a part without a reply
-      std::vector<Turn> turns;
+    struct Waiting {            // a part without a reply
+      std::vector<Kept> turns;  // without a token: to be asked the whole
       std::size_t next = 0;
       std::size_t running = 0;
+      bool refused = false;
       Clock::time_point hedge_at = Clock::time_point::max();
     };
     void Start(std::size_t part, const std::function<const std::string&()>& body,
                const std::string& to_kept, Clock::time_point until);
+    bool CanHedge(std::size_t part, const Waiting& waiting) const;
     void TakeFinished();
-    void Finish(Call& call, CURLcode code);
+    void Answered(const Call& call, std::string body);
     void End(std::size_t call, PeerOutcome outcome, bool slow = true);
 
     Servers& all_;
-    const std::size_t step_;
+    const bool is_second_;  // step
     Multi multi_;
     std::map<std::size_t, Waiting> waiting_;
     std::vector<std::unique_ptr<Call>> calls_;
@@ -169,30 +183,33 @@ class Peers::Servers : public PartServers {
     idle_.push_back(std::move(multi));
   }
   // Of a part, in the order in which they are asked.
-  std::vector<std::size_t> Order(std::size_t part) {
+  std::vector<std::size_t> Order(std::size_t part, bool next) {
     const std::lock_guard lock(mutex_);
     const std::size_t count = known_[part].size();
+    const std::size_t first = next ? turns_[part]++ : turns_[part];
     std::vector<std::size_t> order;
-    for (std::size_t i = 0; i < count; ++i) order.push_back((turn_ + i) % count);
-    ++turn_;
+    for (std::size_t i = 0; i < count; ++i) order.push_back((first + i) % count);
     std::ranges::stable_sort(order, {}, [&, now = Clock::now()](std::size_t server) {
       return known_[part][server].avoid_until > now;
     });
     return order;
   }
-  milliseconds Hedge(std::size_t part, std::size_t server, std::size_t step) {
+  milliseconds Hedge(const Call& call) {
     const std::lock_guard lock(mutex_);
-    return known_[part][server].durations[step].Hedge();
+    return known_[call.part][call.server].durations[call.step.value_or(kCounting)].Hedge();
   }
-  void Note(const Call& call, std::size_t step, PeerOutcome outcome, bool slow) {
+  void Note(const Call& call, PeerOutcome outcome, bool slow) {
     const auto took = Clock::now() - call.began;
     on_request_(call.part, outcome, std::chrono::duration<double>(took).count());
     const std::lock_guard lock(mutex_);
     Known& known = known_[call.part][call.server];
-    if (outcome == PeerOutcome::kAnswered) {
-      known.durations[step].Add(duration_cast<milliseconds>(took));
-      known.avoid_until = {};
-    } else if (outcome != PeerOutcome::kRefused && slow) {
+    const bool answered = outcome == PeerOutcome::kAnswered;
+    // What was overtaken took longer still.
+    if (call.step && (answered || outcome == PeerOutcome::kOvertaken)) {
+      known.durations[*call.step].Add(duration_cast<milliseconds>(took));
+    }
+    if (answered) known.avoid_until = {};
+    if (outcome == PeerOutcome::kFailed || (outcome == PeerOutcome::kOvertaken && slow)) {
       known.avoid_until = Clock::now() + kAvoidFor;
     }
   }
@@ -204,7 +221,7 @@ class Peers::Servers : public PartServers {
   std::mutex mutex_;                       // guards the rest
   std::vector<std::vector<Known>> known_;  // by part and server
   std::vector<Multi> idle_;                // with their open connections
-  std::size_t turn_ = 0;
+  std::vector<std::size_t> turns_;         // by part: the server that is asked first
 };
 
 std::unique_ptr<Call> Peers::Servers::Prepare(std::size_t part, std::size_t server,
@@ -245,40 +262,67 @@ Peers::Servers::Exchange::~Exchange() {
 
 void Peers::Servers::Exchange::AddPart(std::size_t part, const Kept* kept) {
   Waiting& waiting = waiting_[part];
-  if (kept != nullptr) waiting.turns.push_back({kept->server, kept->token});
-  for (const std::size_t server : all_.Order(part)) waiting.turns.push_back({server, {}});
-  // Last, as it may have restarted: its votes are gone, but the part is there.
-  if (kept == nullptr) return;
-  std::stable_partition(waiting.turns.begin() + 1, waiting.turns.end(),
-                        [&](const Turn& turn) { return turn.server != kept->server; });
+  const std::vector<std::size_t> order = all_.Order(part, /*next=*/kept == nullptr);
+  if (kept == nullptr) {
+    for (const std::size_t server : order) waiting.turns.push_back({server, {}});
+    return;
+  }
+  waiting.turns.push_back(*kept);
+  for (const std::size_t server : order) {
+    if (server != kept->server) waiting.turns.push_back({server, {}});
+  }
+  waiting.turns.push_back({kept->server, {}});  // it may have restarted without the votes
 }
 
 void Peers::Servers::Exchange::Start(std::size_t part,
                                      const std::function<const std::string&()>& body,
                                      const std::string& to_kept, Clock::time_point until) {
   Waiting& waiting = waiting_.at(part);
-  const Turn& turn = waiting.turns[waiting.next++];
+  const Kept& turn = waiting.turns[waiting.next++];
+  const bool is_kept = !turn.token.empty();
   const auto now = Clock::now();
   std::string path =
       "/v1/peer/rank?part=" + std::to_string(part + 1) + "&parts=" + std::to_string(all_.parts());
-  if (!turn.token.empty()) path += "&token=" + turn.token;
+  if (is_kept) path += "&token=" + turn.token;
   auto call = all_.Prepare(part, turn.server, path, duration_cast<milliseconds>(until - now));
-  const std::string& text = turn.token.empty() ? body() : to_kept;
+  const std::string& text = is_kept ? to_kept : body();
   curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDSIZE_LARGE,
                    static_cast<curl_off_t>(text.size()));
   curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDS, text.data());  // not copied
+  if (is_kept || !is_second_) call->step = is_kept ? kRanking : kCounting;
   ++waiting.running;
-  waiting.hedge_at = waiting.next < waiting.turns.size()
-                         ? now + all_.Hedge(part, turn.server, step_)
-                         : Clock::time_point::max();
+  waiting.hedge_at = now + all_.Hedge(*call);
+  Require(curl_multi_add_handle(multi_.get(), call->handle.get()) == CURLM_OK);
   calls_.push_back(std::move(call));
-  Require(curl_multi_add_handle(multi_.get(), calls_.back()->handle.get()) == CURLM_OK);
+}
+
+// A server that works on the part need not begin again.
+bool Peers::Servers::Exchange::CanHedge(std::size_t part, const Waiting& waiting) const {
+  return waiting.next < waiting.turns.size() &&
+         std::ranges::none_of(
+             calls_,
+             [&](const auto& call) {
+               return call && call->part == part &&
+                      call->server == waiting.turns[waiting.next].server;
+             });
 }
 
 void Peers::Servers::Exchange::End(std::size_t i, PeerOutcome outcome, bool slow) {
   curl_multi_remove_handle(multi_.get(), calls_[i]->handle.get());
-  all_.Note(*calls_[i], step_, outcome, slow);
+  all_.Note(*calls_[i], outcome, slow);
   calls_[i].reset();
+}
+
+void Peers::Servers::Exchange::Answered(const Call& call, std::string body) {
+  const std::size_t part = call.part;
+  replies_[part] = Reply{std::move(body), false, call.server};
+  waiting_.erase(part);
+  for (std::size_t i = 0; i < calls_.size(); ++i) {
+    if (!calls_[i] || calls_[i]->part != part) continue;
+    const bool is_it = calls_[i].get() == &call;
+    const bool is_slower = !is_it && calls_[i]->began < call.began;
+    if (!is_it) End(i, PeerOutcome::kOvertaken, is_slower);
+  }
 }
 
 void Peers::Servers::Exchange::TakeFinished() {
@@ -290,34 +334,26 @@ void Peers::Servers::Exchange::TakeFinished() {
       return call && call->handle.get() == message->easy_handle;
     });
     if (found == calls_.end()) continue;
-    const Call& call = **found;
+    Call& call = **found;
     long status = 0;
     curl_easy_getinfo(call.handle.get(), CURLINFO_RESPONSE_CODE, &status);
-    const std::size_t part = call.part;
-    const std::size_t server = call.server;
-    const auto began = call.began;
-    const bool answers = code == CURLE_OK && (status == kOk || status == kConflict);
-    if (!answers) {
-      spdlog::warn("peer {} did not answer for part {}: {}", all_.layout_.parts[part][server],
-                   part + 1,
+    const bool answers = code == CURLE_OK && status == kOk;
+    const bool refuses = code == CURLE_OK && (status == kConflict || status == kNotFound);
+    if (!answers && !refuses) {
+      spdlog::warn("peer {} did not answer for part {}: {}",
+                   all_.layout_.parts[call.part][call.server], call.part + 1,
                    code == CURLE_OK ? "status " + std::to_string(status)
                                     : std::string(curl_easy_strerror(code)));
     }
-    std::string body = std::move((*found)->body);
-    End(static_cast<std::size_t>(found - calls_.begin()), !answers ? PeerOutcome::kFailed
-                                                          : status == kConflict
-                                                              ? PeerOutcome::kRefused
-                                                              : PeerOutcome::kAnswered);
-    const auto waiting = waiting_.find(part);
-    if (waiting == waiting_.end()) continue;
-    --waiting->second.running;
-    if (!answers) continue;
-    replies_[part] = Reply{std::move(body), status == kConflict, server};
-    waiting_.erase(waiting);
-    for (std::size_t i = 0; i < calls_.size(); ++i) {
-      if (!calls_[i] || calls_[i]->part != part) continue;
-      End(i, PeerOutcome::kOvertaken, /*slow=*/calls_[i]->began < began);
+    if (answers) {
+      Answered(call, std::move(call.body));
+    } else if (const auto waiting = waiting_.find(call.part); waiting != waiting_.end()) {
+      --waiting->second.running;
+      waiting->second.refused |= refuses && status == kConflict;
     }
+    End(static_cast<std::size_t>(found - calls_.begin()), answers   ? PeerOutcome::kAnswered
+                                                          : refuses ? PeerOutcome::kRefused
+                                                                    : PeerOutcome::kFailed);
   }
 }
 
@@ -325,32 +361,30 @@ std::vector<std::optional<PartServers::Reply>> Peers::Servers::Exchange::Run(
     const std::function<const std::string&()>& body, const std::string& to_kept,
     Clock::time_point until) {
   while (true) {
+    TakeFinished();
     const auto now = Clock::now();
     auto wake = until;
     for (auto at = waiting_.begin(); at != waiting_.end();) {
-      Waiting& part = at->second;
-      const bool has_next = part.next < part.turns.size();
-      if (part.running == 0 && !has_next) {  // all failed
+      const auto [number, part] = std::tie(at->first, at->second);
+      if (part.running == 0 && part.next == part.turns.size()) {  // nobody is left
+        if (part.refused) replies_[number] = Reply{{}, true, 0};
         at = waiting_.erase(at);
         continue;
       }
-      if (now < until && has_next && (part.running == 0 || now >= part.hedge_at)) {
-        Start(at->first, body, to_kept, until);
+      const bool can_hedge = CanHedge(number, part);
+      if (now < until && (part.running == 0 || (can_hedge && now >= part.hedge_at))) {
+        Start(number, body, to_kept, until);
       }
-      wake = std::min(wake, part.hedge_at);
+      if (CanHedge(number, part)) wake = std::min(wake, part.hedge_at);
       ++at;
     }
     if (waiting_.empty() || now >= until) break;
     int running = 0;
+    const auto wait = duration_cast<milliseconds>(wake - now) + milliseconds(1);
     Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
-    const std::size_t parts = waiting_.size();
-    TakeFinished();
-    const auto any_idle = [](const auto& entry) { return entry.second.running == 0; };
-    if (waiting_.size() < parts || std::ranges::any_of(waiting_, any_idle)) continue;
-    const auto wait = duration_cast<milliseconds>(wake - Clock::now()) + milliseconds(1);
-    Require(curl_multi_poll(multi_.get(), nullptr, 0,
-                            static_cast<int>(std::max<milliseconds::rep>(0, wait.count())),
-                            nullptr) == CURLM_OK);
+    Require(curl_multi_poll(multi_.get(), nullptr, 0, static_cast<int>(wait.count()), nullptr) ==
+            CURLM_OK);
+    Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
   }
   for (std::size_t i = 0; i < calls_.size(); ++i) {
     if (calls_[i]) End(i, PeerOutcome::kFailed);
@@ -365,7 +399,7 @@ std::vector<PeerState> Peers::Servers::States() {
   for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
     for (std::size_t server = 0; server < layout_.parts[part].size(); ++server) {
       calls.push_back(Prepare(part, server, "/v1/peer", kStateTimeout));
-      states.push_back({static_cast<int>(part) + 1, layout_.parts[part][server]});
+      states.push_back({static_cast<int>(part) + 1, static_cast<int>(server) + 1});
       Require(curl_multi_add_handle(multi.get(), calls.back()->handle.get()) == CURLM_OK);
     }
   }
@@ -393,9 +427,12 @@ Peers::Peers(std::filesystem::path file, OnRequest on_request)
       current_(std::make_shared<Servers>(ReadPeerLayout(file_), on_request_)) {
   static const CURLcode once = curl_global_init(CURL_GLOBAL_DEFAULT);
   Require(once == CURLE_OK);
+  watcher_ = std::jthread([this](const std::stop_token& stop) { Watch(stop); });
 }
 
-std::shared_ptr<PartServers> Peers::Current() {
+std::shared_ptr<PartServers> Peers::Current() { return CurrentServers(); }
+
+std::shared_ptr<Peers::Servers> Peers::CurrentServers() {
   const std::lock_guard lock(mutex_);
   std::error_code error;
   const auto written = std::filesystem::last_write_time(file_, error);
@@ -413,14 +450,18 @@ std::shared_ptr<PartServers> Peers::Current() {
   return current_;
 }
 
-std::vector<PeerState> Peers::States() {
-  (void)Current();
-  std::shared_ptr<Servers> servers;
-  {
-    const std::lock_guard lock(mutex_);
-    servers = current_;
+std::vector<PeerState> Peers::states() const {
+  const std::lock_guard lock(mutex_);
+  return states_;
+}
+
+void Peers::Watch(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    std::vector<PeerState> states = CurrentServers()->States();
+    std::unique_lock lock(mutex_);
+    states_ = std::move(states);
+    stopped_.wait_for(lock, stop, kAskStatesEvery, [] { return false; });
   }
-  return servers->States();
 }
 
 }  // namespace pliant::server

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -12,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "index/engine/index_parts.h"
@@ -22,16 +24,16 @@ namespace pliant::server {
 // How one request to a server of a part ended.
 enum class PeerOutcome {
   kAnswered,
-  kRefused,   // the part is in another state
+  kRefused,   // the part, or the server, is in another state
   kFailed,    // no answer, or an error
   kOvertaken  // another server answered first
 };
 const char* PeerOutcomeName(PeerOutcome outcome);
 
-// Of one server, as it says.
+// Of one server, as it said last.
 struct PeerState {
-  int part = 0;  // 1..
-  std::string address;
+  int part = 0;    // 1..
+  int server = 0;  // 1.., as the file lists the part's
   bool answers = false;
   std::int64_t followed = 0;  // EngineSearch::followed
 };
@@ -46,17 +48,23 @@ class Peers {
 
   // By the file as it is now. A file that became invalid is logged, and the last valid one counts.
   std::shared_ptr<PartServers> Current();
-  // Asks all servers, for at most a second.
-  std::vector<PeerState> States();
+  // Asked every few seconds.
+  std::vector<PeerState> states() const;
 
  private:
   class Servers;
 
   const std::filesystem::path file_;
   const OnRequest on_request_;
-  std::mutex mutex_;  // guards the rest
+  std::shared_ptr<Servers> CurrentServers();
+  void Watch(const std::stop_token& stop);
+
+  mutable std::mutex mutex_;  // guards the rest
   std::filesystem::file_time_type read_at_{};
   std::shared_ptr<Servers> current_;
+  std::vector<PeerState> states_;
+  std::condition_variable_any stopped_;
+  std::jthread watcher_;  // last: it uses the others
 };
 
 }  // namespace pliant::server

@@ -4,6 +4,7 @@
 // in the OpenAPI document: clients do not call it.
 #include <algorithm>
 #include <chrono>
+#include <memory>
 
 #include "descriptor/base/strings.h"
 #include "server/http/problem.h"
@@ -13,18 +14,21 @@
 namespace pliant::server {
 namespace {
 
-constexpr int kMostParts = 4096;
 constexpr std::chrono::milliseconds kDefaultTimeout{5000};
 
 Response Rank(Service& service, const Request& request, const Parameters& parameters) {
   const auto timeout = NumberOf<int>(request.header("X-Pliant-Timeout-Ms"));
-  const auto turn =
-      service.part_turns.Take(timeout ? std::chrono::milliseconds(*timeout) : kDefaultTimeout);
-  if (!turn) throw ProblemError("busy", "The server is busy with other parts of searches.");
+  const auto until = std::chrono::steady_clock::now() +
+                     (timeout ? std::chrono::milliseconds(*timeout) : kDefaultTimeout);
+  // As many threads serve other servers as there are cores: those share what is left.
+  const int shared_by = ++service.parts_ranking;
+  const auto end = [&service](void*) { --service.parts_ranking; };
+  const std::unique_ptr<void, decltype(end)> running(&service, end);
   return {.content_type = kFileType,
           .body = service.engine().RankPart(
               {.part = parameters.Value<int>("part"), .parts = parameters.Value<int>("parts")},
-              parameters.Text("token").value_or(""), request.body, turn->threads)};
+              parameters.Text("token").value_or(""), request.body,
+              std::max(1, service.pool.cores() / shared_by), until)};
 }
 
 Response State(Service& service, const Request&, const Parameters&) {

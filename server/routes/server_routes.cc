@@ -54,10 +54,10 @@ Response Ready(Service& service, const Request&, const Parameters&) {
   if (service.peers() != nullptr) {
     const std::int64_t followed = service.engine().followed();
     json["parts"] = Json::array();
-    for (const PeerState& peer : service.peers()->States()) {
+    for (const PeerState& peer : service.peers()->states()) {
       json["parts"].push_back(
           {{"part", peer.part},
-           {"server", peer.address},
+           {"server", peer.server},
            {"answers", peer.answers},
            {"behind", peer.answers ? Json(std::max<std::int64_t>(0, followed - peer.followed))
                                    : Json(nullptr)}});

@@ -19,7 +19,6 @@ constexpr int kJpegQuality = 82;  // of thumbnails
 Service::Service(ServiceOptions service_options)
     : options(std::move(service_options)),
       pool(options.pool),
-      part_turns(pool.cores()),
       backups(options.backup_dir),
       bulk_files(options.bulk),
       fetcher(options.fetch) {}

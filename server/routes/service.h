@@ -20,7 +20,6 @@
 #include "server/jobs/demonstration.h"
 #include "server/jobs/training.h"
 #include "server/jobs/worker_pool.h"
-#include "server/peers/part_turns.h"
 #include "server/peers/peers.h"
 #include "server/routes/metrics.h"
 
@@ -68,7 +67,7 @@ class Service {
 
   const ServiceOptions options;
   WorkerPool pool;
-  PartTurns part_turns;
+  std::atomic<int> parts_ranking{0};  // of searches of other servers
   LruCache<std::string, std::string> thumbnails{32 << 20};  // JPEG, by the original's SHA-256
   Metrics metrics;
   const Backups backups;

@@ -46,15 +46,15 @@ class Engines : public PartServers {
   std::set<std::size_t> missing;  // parts
   std::function<void()> between_steps;
   int refused = 0;
-  std::string last;  // message
+  std::string last;  // message of a whole query
 
  private:
   Reply AskOne(std::size_t part, std::size_t server, const std::string& token,
                const std::string& message) {
-    last = message;
+    if (token.empty()) last = message;
     try {
       return {engines_[part][server]->RankPart({static_cast<int>(part) + 1, parts()}, token,
-                                               message, 1),
+                                               message, 1, Clock::now() + timeout()),
               false, server};
     } catch (const Error& error) {
       EXPECT_EQ(error.reason(), "part_changed");
@@ -125,6 +125,10 @@ class PartsTest : public EngineTest, public ::testing::WithParamInterface<int> {
     ExpectSame(whole_->Search(image, some), asks_->Search(image, some));
   }
 
+  static PartServers::Clock::time_point Later() {
+    return PartServers::Clock::now() + std::chrono::seconds(60);
+  }
+
   std::unique_ptr<Engine> whole_;
   std::shared_ptr<Engines> servers_;
   Engine* asks_ = nullptr;
@@ -191,9 +195,14 @@ TEST_P(PartsTest, MessagesThatAreNotThoseOfAServerAreRefused) {
   asks_->Search(RandomPng(3), ByImage());
   const std::string valid = servers_->last;
   ExpectError(ErrorCode::kNotFound, "part_elsewhere",
-              [&] { asks_->RankPart({1, 7}, "", valid, 1); });
+              [&] { asks_->RankPart({1, 7}, "", valid, 1, Later()); });
   ExpectError(ErrorCode::kNotFound, "part_elsewhere",
-              [&] { asks_->RankPart({1, GetParam()}, "unknown", valid, 1); });
+              [&] { asks_->RankPart({1, GetParam()}, "unknown", valid, 1, Later()); });
+  ExpectError(ErrorCode::kInvalidArgument, "peer_message_invalid", [&] {
+    asks_->RankPart({1, GetParam()}, "", std::string(5'000'000, '\x91'), 1, Later());
+  });
+  ExpectError(ErrorCode::kUnavailable, "busy",
+              [&] { asks_->RankPart({1, GetParam()}, "", valid, 1, {}); });
   std::mt19937_64 random(9);
   for (int i = 0; i < 2000; ++i) {
     std::string broken = valid;
@@ -209,7 +218,7 @@ TEST_P(PartsTest, MessagesThatAreNotThoseOfAServerAreRefused) {
         broken.insert(at, 1, static_cast<char>(random()));
     }
     try {
-      asks_->RankPart({1, GetParam()}, "", broken, 1);
+      asks_->RankPart({1, GetParam()}, "", broken, 1, Later());
     } catch (const Error& error) {
       EXPECT_THAT(error.reason(), ::testing::AnyOf("peer_message_invalid", "part_elsewhere",
                                                    "part_changed", "collection_not_found"));

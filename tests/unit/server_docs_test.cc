@@ -170,6 +170,7 @@ TEST(OpenApi, DescribesEveryRouteWithItsParametersAndCodes) {
   std::set<std::string> codes_seen;
   for (const Route& route : routes) {
     if (route.name == "page" && route.pattern != "/") continue;
+    if (route.scope == Scope::kPeer) continue;  // between servers
     SCOPED_TRACE(route.method + " " + route.pattern);
     std::string method = route.method;
     for (char& c : method) c = static_cast<char>(std::tolower(c));

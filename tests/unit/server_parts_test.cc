@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include "server/app/options.h"
-#include "server/peers/part_turns.h"
 #include "server/peers/peer_layout.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
@@ -80,23 +79,6 @@ TEST_F(PeerLayoutTest, TheOptionsMustFitTogether) {
   options.index_dir = "";
   options.database = folder_ / "a.db";
   ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
-}
-
-TEST(PartTurns, ShareTheCoresAndEnd) {
-  PartTurns turns(4);
-  auto first = turns.Take(std::chrono::milliseconds(0));
-  ASSERT_TRUE(first);
-  EXPECT_EQ(first->threads, 4);
-  {
-    auto second = turns.Take(std::chrono::milliseconds(0));
-    auto third = turns.Take(std::chrono::milliseconds(0));
-    auto fourth = turns.Take(std::chrono::milliseconds(0));
-    ASSERT_TRUE(second && third && fourth);
-    EXPECT_EQ(second->threads, 2);
-    EXPECT_EQ(fourth->threads, 1);
-    EXPECT_FALSE(turns.Take(std::chrono::milliseconds(1)));
-  }
-  EXPECT_TRUE(turns.Take(std::chrono::milliseconds(0)));
 }
 
 }  // namespace

@@ -138,8 +138,8 @@ class SqlFeedView : public FeedView {
   // Only PostgreSQL stores have shares. The hash must never change: files of the index rely on it.
   std::string OfShare() const {
     if (share_.parts == 1) return {};
-    return "AND (get_byte(sha256(convert_to(p.id, 'UTF8')), 0) * 256 + "
-           "get_byte(sha256(convert_to(p.id, 'UTF8')), 1)) % " +
+    return "AND ('x' || left(encode(sha256(convert_to(p.id, 'UTF8')), 'hex'), 6))::bit(24)::int "
+           "% " +
            std::to_string(share_.parts) + " = " + std::to_string(share_.part - 1) + " ";
   }
 
