@@ -70,32 +70,18 @@ class ShallowParser : public nlohmann::detail::json_sax_dom_parser<Json> {
   int depth_ = 0;
 };
 
-// Ascending numbers, as their differences in 7 bits a byte.
+// Ascending numbers, as their differences: MessagePack writes small ones in a byte.
 Json Ascending(const std::vector<std::int64_t>& numbers) {
-  std::vector<std::uint8_t> bytes;
-  std::uint64_t before = 0;
-  for (const std::int64_t number : numbers) {
-    auto rest = static_cast<std::uint64_t>(number) - before;
-    before = static_cast<std::uint64_t>(number);
-    for (; rest >= 0x80; rest >>= 7U) bytes.push_back(static_cast<std::uint8_t>(rest | 0x80U));
-    bytes.push_back(static_cast<std::uint8_t>(rest));
-  }
-  return Json::binary(std::move(bytes));
+  Json differences = Json::array();
+  std::int64_t before = 0;
+  for (const std::int64_t number : numbers)
+    differences.push_back(number - std::exchange(before, number));
+  return differences;
 }
 
 std::vector<std::int64_t> AscendingIn(const Json& message, const char* name) {
-  std::vector<std::int64_t> numbers;
-  std::uint64_t number = 0;
-  std::uint64_t rest = 0;
-  unsigned shift = 0;
-  for (const std::uint8_t byte : message.at(name).get_binary()) {
-    if (shift > 63) ThrowInvalid(name);
-    rest |= std::uint64_t{byte & 0x7FU} << shift;
-    shift += 7;
-    if ((byte & 0x80U) != 0) continue;
-    numbers.push_back(static_cast<std::int64_t>(number += rest));
-    rest = shift = 0;
-  }
+  auto numbers = message.at(name).get<std::vector<std::int64_t>>();
+  std::partial_sum(numbers.begin(), numbers.end(), numbers.begin());
   return numbers;
 }
 

@@ -37,15 +37,12 @@ constexpr std::size_t kAnswers = 100;
 
 constexpr std::chrono::seconds kAskStatesEvery{3};
 constexpr std::size_t kMostReplyBytes = std::size_t{256} << 20U;
-// Steps whose durations are known apart: of the first, and of the second with kept votes.
-constexpr std::size_t kCounting = 0;
-constexpr std::size_t kRanking = 1;
 
 constexpr long kOk = 200;
 constexpr long kNotFound = 404;
 constexpr long kConflict = 409;
 
-// The last durations of a server's answers to one step. Guarded by its user.
+// The last durations of a server's answers. Guarded by its user.
 class Durations {
  public:
   void Add(milliseconds one) {
@@ -82,7 +79,6 @@ void Require(bool done) {
 struct Call {
   std::size_t part = 0;
   std::size_t server = 0;
-  std::optional<std::size_t> step;  // whose duration counts
   Clock::time_point began = Clock::now();
   std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle{curl_easy_init(), curl_easy_cleanup};
   std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers{nullptr, curl_slist_free_all};
@@ -113,7 +109,7 @@ class Peers::Servers : public PartServers {
   std::vector<std::optional<Reply>> Ask(const std::function<const std::string&()>& body,
                                         std::span<const Kept> kept, const std::string& to_kept,
                                         Clock::time_point until) override {
-    Exchange exchange(*this, !kept.empty());
+    Exchange exchange(*this);
     for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
       if (!kept.empty() && kept[part].token.empty()) continue;
       exchange.AddPart(part, kept.empty() ? nullptr : &kept[part]);
@@ -125,17 +121,14 @@ class Peers::Servers : public PartServers {
 
  private:
   struct Known {
-    std::array<Durations, 2> durations;  // by step
+    Durations durations;  // of either step
     Clock::time_point avoid_until{};
   };
   // One step of one ranking, on the thread that waits for it.
   class Exchange {
    public:
-    Exchange(Servers& all, bool is_second)
-        : all_(all),
-          is_second_(is_second),
-          multi_(all.Borrow()),
-          replies_(all.layout_.parts.size()) {}
+    explicit Exchange(Servers& all)
+        : all_(all), multi_(all.Borrow()), replies_(all.layout_.parts.size()) {}
     ~Exchange();
     Exchange(const Exchange&) = delete;
     Exchange& operator=(const Exchange&) = delete;
@@ -160,7 +153,6 @@ class Peers::Servers : public PartServers {
     void End(std::size_t call, PeerOutcome outcome, bool slow = true);
 
     Servers& all_;
-    const bool is_second_;  // step
     Multi multi_;
     std::map<std::size_t, Waiting> waiting_;
     std::vector<std::unique_ptr<Call>> calls_;
@@ -196,7 +188,7 @@ class Peers::Servers : public PartServers {
   }
   milliseconds Hedge(const Call& call) {
     const std::lock_guard lock(mutex_);
-    return known_[call.part][call.server].durations[call.step.value_or(kCounting)].Hedge();
+    return known_[call.part][call.server].durations.Hedge();
   }
   void Note(const Call& call, PeerOutcome outcome, bool slow) {
     const auto took = Clock::now() - call.began;
@@ -204,14 +196,10 @@ class Peers::Servers : public PartServers {
     const std::lock_guard lock(mutex_);
     Known& known = known_[call.part][call.server];
     const bool answered = outcome == PeerOutcome::kAnswered;
-    // What was overtaken took longer still.
-    if (call.step && (answered || outcome == PeerOutcome::kOvertaken)) {
-      known.durations[*call.step].Add(duration_cast<milliseconds>(took));
-    }
+    const bool was_slow = outcome == PeerOutcome::kOvertaken && slow;  // and took longer still
+    if (answered || was_slow) known.durations.Add(duration_cast<milliseconds>(took));
     if (answered) known.avoid_until = {};
-    if (outcome == PeerOutcome::kFailed || (outcome == PeerOutcome::kOvertaken && slow)) {
-      known.avoid_until = Clock::now() + kAvoidFor;
-    }
+    if (outcome == PeerOutcome::kFailed || was_slow) known.avoid_until = Clock::now() + kAvoidFor;
   }
   std::unique_ptr<Call> Prepare(std::size_t part, std::size_t server, const std::string& path,
                                 milliseconds timeout) const;
@@ -289,7 +277,6 @@ void Peers::Servers::Exchange::Start(std::size_t part,
   curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDSIZE_LARGE,
                    static_cast<curl_off_t>(text.size()));
   curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDS, text.data());  // not copied
-  if (is_kept || !is_second_) call->step = is_kept ? kRanking : kCounting;
   ++waiting.running;
   waiting.hedge_at = now + all_.Hedge(*call);
   Require(curl_multi_add_handle(multi_.get(), call->handle.get()) == CURLM_OK);

@@ -3,6 +3,8 @@
 // Ranking by nearest neighbours against a brute-force oracle, while images come and go.
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <functional>
 #include <map>
 #include <random>
 
@@ -247,6 +249,54 @@ TEST_P(NeighbourRankingTest, VotesCountWhatTheirWeightsSay) {
   const auto whole = scores(1);
   for (const auto& [key, score] : scores(0.5F)) {
     EXPECT_NEAR(score, std::min(1.0, whole.at(key) / std::sqrt(2)), 1e-5) << "image " << key;
+  }
+}
+
+TEST_P(NeighbourRankingTest, PartsRankAsTheWholeBitByBit) {
+  constexpr std::size_t kParts = 3;
+  std::deque<InvertedIndex> parts;
+  for (std::size_t i = 0; i < kParts; ++i) parts.emplace_back(quantizer_);
+  const Descriptors asked = Random(40);
+  for (std::int64_t key = 1; key <= 90; ++key) {
+    Descriptors own = random_() % 3 == 0 ? Near(random_, asked, 0.1) : Random(5 + random_() % 40);
+    const IndexedImage image = Make(key, std::move(own), static_cast<std::int64_t>(random_() % 9));
+    index_->Apply({image}, {});
+    parts[random_() % kParts].Apply({image}, {});
+  }
+  const RankQuery query = QueryOf(asked);
+  for (int round = 0; round < 40; ++round) {
+    RankOptions options;
+    options.group_by = random_() % 2 == 0 ? GroupBy::kImage : GroupBy::kObject;
+    options.keep = random_() % 8;
+    options.min_score = random_() % 2 == 0 ? 0 : 0.05;
+    const std::size_t depth = random_() % 3 == 0 ? 0 : random_() % 40;
+    options.candidates = [depth](std::size_t) { return depth; };
+    std::vector<std::unique_ptr<PartRanker>> rankers;
+    std::vector<std::shared_ptr<const IndexSnapshot>> snapshots;
+    std::vector<std::uint32_t> voted(asked.rows);
+    for (const InvertedIndex& part : parts) {
+      snapshots.push_back(part.snapshot());
+      rankers.push_back(std::make_unique<PartRanker>(*snapshots.back(), *quantizer_, query, 1));
+      const auto& own = rankers.back()->voted();
+      std::transform(own.begin(), own.end(), voted.begin(), voted.begin(), std::plus<>());
+    }
+    std::vector<PartRanking> rankings;
+    for (const auto& ranker : rankers) {
+      rankings.push_back(ranker->Rank(voted, depth, options));
+      std::ranges::sort(rankings.back().objects);
+    }
+    const Ranking merged = Merge(std::move(rankings), depth, options);
+    const Ranking whole = Rank(*index_->snapshot(), *quantizer_, query, options);
+    EXPECT_EQ(merged.total, whole.total);
+    const auto expect_same = [](const auto& a, const auto& b) {
+      ASSERT_EQ(a.size(), b.size());
+      for (std::size_t i = 0; i < a.size(); ++i) {
+        EXPECT_EQ(a[i].ref.version, b[i].ref.version);
+        EXPECT_EQ(a[i].score, b[i].score);
+      }
+    };
+    expect_same(merged.candidates, whole.candidates);
+    expect_same(merged.best, whole.best);
   }
 }
 
