@@ -125,6 +125,7 @@ void AddObjectRoutes(RouteTable& table) {
       .Needs(Scope::kRead)
       .Body(BodyKind::kImageOrJson)
       .Answers(200, "the outline, or that the photo does not show the object", "Location")
+      .Codes({"part_unavailable"})
       .Example(R"(curl -F image=@mug.png )"
                R"("$PLIANT/v1/collections/default/objects/mug/locate")");
 }

@@ -360,7 +360,7 @@ void AddSearchRoutes(RouteTable& table) {
       .Answers(200, "hits, best first", "SearchAnswer")
       .Sends("image/jpeg", "with draw: the photo")
       .Sends("image/png", "with draw: the photo")
-      .Codes({"image_not_found", "no_vocabulary", "content_not_kept"})
+      .Codes({"image_not_found", "no_vocabulary", "content_not_kept", "part_unavailable"})
       .Example(R"(curl -F image=@mug.png -F limit=3 )"
                R"("$PLIANT/v1/collections/default/search")");
   table.Add("POST /v1/collections/{c}/search:batch", "search.batch", SearchBatch)

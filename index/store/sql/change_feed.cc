@@ -99,24 +99,28 @@ class SqlFeedView : public FeedView {
       std::vector<IndexedImage> images;
       for (std::size_t read = kRowsAtOnce; read == kRowsAtOnce;) {
         std::vector<Stored> stored;
+        // Every table has its bound: PostgreSQL would read all rows before it otherwise. The share
+        // is no condition: it would sort all rows for the few that it expects.
+        const std::string share = OfShare();
         Cursor row = db.Prepare(
-            "SELECT p.key, p.object, p.id, w.data, f.data FROM image_words w JOIN images p ON "
-            "p.key = w.image LEFT JOIN features f ON f.image = w.image WHERE w.vocabulary = ? AND "
-            "w.image > ? " +
-            OfShare() + "ORDER BY w.image LIMIT ?");
-        row.Bind(vocabulary, after, kRowsAtOnce);
-        while (row.Next()) {
+            "SELECT p.key, p.object, p.id, w.data, f.data, CASE WHEN " + share +
+            " THEN 1 ELSE 0 END FROM image_words w JOIN images p ON p.key = w.image LEFT JOIN "
+            "features f ON f.image = w.image AND f.image > ? AND " +
+            share +
+            " WHERE w.vocabulary = ? AND w.image > ? AND p.key > ? ORDER BY w.image LIMIT ?");
+        row.Bind(after, vocabulary, after, after, kRowsAtOnce);
+        for (read = 0; row.Next(); ++read) {
+          after = row.Int(0);
+          if (row.Int(5) == 0) continue;
           if (row.IsNull(4)) throw refusals::FeaturesMissing();
           Stored& one = stored.emplace_back();
-          one.image.key = row.Int(0);
+          one.image.key = after;
           one.image.object = row.IsNull(1) ? 0 : row.Int(1);
           one.image.id = row.Text(2);
           one.words = row.CopyOfBlob(3);
           one.features = row.CopyOfBlob(4);
         }
-        read = stored.size();
-        if (read > 0) after = stored.back().image.key;
-        ParallelFor(read, 0, [&](std::size_t i) { stored[i].Quantize(quantizer); });
+        ParallelFor(stored.size(), 0, [&](std::size_t i) { stored[i].Quantize(quantizer); });
         for (Stored& one : stored) {
           images.push_back(std::move(one.image));
           if (images.size() == chunk) work(std::exchange(images, {}));
@@ -137,10 +141,9 @@ class SqlFeedView : public FeedView {
  private:
   // Only PostgreSQL stores have shares. The hash must never change: files of the index rely on it.
   std::string OfShare() const {
-    if (share_.parts == 1) return {};
-    return "AND ('x' || left(encode(sha256(convert_to(p.id, 'UTF8')), 'hex'), 6))::bit(24)::int "
-           "% " +
-           std::to_string(share_.parts) + " = " + std::to_string(share_.part - 1) + " ";
+    if (share_.parts == 1) return "1 = 1";
+    return "('x' || left(encode(sha256(convert_to(p.id, 'UTF8')), 'hex'), 6))::bit(24)::int % " +
+           std::to_string(share_.parts) + " = " + std::to_string(share_.part - 1);
   }
 
   Access& access_;
