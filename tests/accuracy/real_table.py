@@ -13,7 +13,7 @@ counts false alarms. Shares of queries have intervals of 95 % (Wilson 1927).
 
 A second table has the parts of each set: two halves by a hash of the query's name (fit on one, report the other),
 and the kinds of beer labels. A third says how often hits of a probability are right, with and without the object
-of the query in the collection, and the expected calibration error (Guo et al., ICML 2017).
+of the query in the collection, and the expected calibration error (Guo et al., ICML 2017), last by half.
 """
 import argparse
 import collections
@@ -23,6 +23,7 @@ import json
 import math
 import os
 import pathlib
+import random
 import subprocess
 import sys
 import tempfile
@@ -191,8 +192,25 @@ def calibration_error(answers):
     return sum(gaps) / len(answers)
 
 
+def bootstrapped(answers, figure, draws=1000):
+    """The figure with its interval of 95 % (percentile bootstrap over the answers)."""
+    generator = random.Random(1)
+    drawn = sorted(figure(generator.choices(answers, k=len(answers))) for _ in range(draws))
+    return {"value": figure(answers), "low": drawn[draws // 40], "high": drawn[-1 - draws // 40]}
+
+
+def verified(answers):
+    return [a for a in answers if a.probability is not None and a.protocol != "unverified"]
+
+
+def rows_of_halves(answers):
+    for (descriptor, half), group in sorted(by([a for a in verified(answers) if not a.left_out], lambda a: (a.descriptor, a.half))):
+        yield {"descriptor": descriptor, "queries": f"with their object, half {half}", "answers": len(group),
+               "calibration error": bootstrapped(group, calibration_error)}
+
+
 def rows_of_reliability(answers):
-    answers = [a for a in answers if a.probability is not None and a.protocol != "unverified"]
+    answers = verified(answers)
     for descriptor, group in by(answers, lambda a: a.descriptor):
         for title, asked in (("with their object", [a for a in group if not a.left_out]),
                              ("without it", [a for a in group if a.left_out]), ("both", group)):
@@ -235,6 +253,7 @@ def main():
     print(markdown([row_of(row) for row in rows]))
     print("\n" + markdown(list(rows_of_parts(answers))))
     print("\nRight answers of first hits by probability:\n\n" + markdown(list(rows_of_reliability(answers))))
+    print("\n" + markdown(list(rows_of_halves(answers))))
 
 
 if __name__ == "__main__":
