@@ -67,7 +67,7 @@ class Service {
 
   const ServiceOptions options;
   WorkerPool pool;
-  std::atomic<int> parts_ranking{0};  // of searches of other servers
+  std::atomic<int> parts_ranking{0};                        // of searches of other servers
   LruCache<std::string, std::string> thumbnails{32 << 20};  // JPEG, by the original's SHA-256
   Metrics metrics;
   const Backups backups;
