@@ -237,7 +237,6 @@ std::unique_ptr<Call> Peers::Servers::Prepare(std::size_t part, std::size_t serv
   curl_easy_setopt(handle, CURLOPT_PROXY, "");
   curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, OnBody);
   curl_easy_setopt(handle, CURLOPT_WRITEDATA, &call->body);
-  curl_easy_setopt(handle, CURLOPT_PRIVATE, call.get());
   return call;
 }
 
@@ -285,13 +284,12 @@ void Peers::Servers::Exchange::Start(std::size_t part,
 
 // A server that works on the part need not begin again.
 bool Peers::Servers::Exchange::CanHedge(std::size_t part, const Waiting& waiting) const {
-  return waiting.next < waiting.turns.size() &&
-         std::ranges::none_of(
-             calls_,
-             [&](const auto& call) {
-               return call && call->part == part &&
-                      call->server == waiting.turns[waiting.next].server;
-             });
+  if (waiting.next == waiting.turns.size()) return false;
+  const std::size_t server = waiting.turns[waiting.next].server;
+  const auto works = [&](const auto& call) {
+    return call && call->part == part && call->server == server;
+  };
+  return std::ranges::none_of(calls_, works);
 }
 
 void Peers::Servers::Exchange::End(std::size_t i, PeerOutcome outcome, bool slow) {

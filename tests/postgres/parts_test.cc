@@ -194,15 +194,16 @@ TEST_P(PartsTest, APartWithoutServerIsAnErrorUnlessTheSearchIsPartial) {
 TEST_P(PartsTest, MessagesThatAreNotThoseOfAServerAreRefused) {
   asks_->Search(RandomPng(3), ByImage());
   const std::string valid = servers_->last;
-  ExpectError(ErrorCode::kNotFound, "part_elsewhere",
-              [&] { asks_->RankPart({1, 7}, "", valid, 1, Later()); });
-  ExpectError(ErrorCode::kNotFound, "part_elsewhere",
-              [&] { asks_->RankPart({1, GetParam()}, "unknown", valid, 1, Later()); });
-  ExpectError(ErrorCode::kInvalidArgument, "peer_message_invalid", [&] {
-    asks_->RankPart({1, GetParam()}, "", std::string(5'000'000, '\x91'), 1, Later());
-  });
-  ExpectError(ErrorCode::kUnavailable, "busy",
-              [&] { asks_->RankPart({1, GetParam()}, "", valid, 1, {}); });
+  const auto ask = [&](int parts, const std::string& token, const std::string& message,
+                       PartServers::Clock::time_point until) {
+    return [=, this] { asks_->RankPart({1, parts}, token, message, 1, until); };
+  };
+  const int parts = GetParam();
+  const std::string nested(5'000'000, '\x91');
+  ExpectError(ErrorCode::kNotFound, "part_elsewhere", ask(7, "", valid, Later()));
+  ExpectError(ErrorCode::kNotFound, "part_elsewhere", ask(parts, "unknown", valid, Later()));
+  ExpectError(ErrorCode::kInvalidArgument, "peer_message_invalid", ask(parts, "", nested, Later()));
+  ExpectError(ErrorCode::kUnavailable, "busy", ask(parts, "", valid, {}));
   std::mt19937_64 random(9);
   for (int i = 0; i < 2000; ++i) {
     std::string broken = valid;
