@@ -346,7 +346,9 @@ std::vector<std::optional<PartServers::Reply>> Peers::Servers::Exchange::Run(
     const std::function<const std::string&()>& body, const std::string& to_kept,
     Clock::time_point until) {
   while (true) {
-    TakeFinished();
+    int running = 0;
+    Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
+    TakeFinished();  // before waiting: nothing wakes for what is finished
     const auto now = Clock::now();
     auto wake = until;
     for (auto at = waiting_.begin(); at != waiting_.end();) {
@@ -364,12 +366,9 @@ std::vector<std::optional<PartServers::Reply>> Peers::Servers::Exchange::Run(
       ++at;
     }
     if (waiting_.empty() || now >= until) break;
-    int running = 0;
     const auto wait = duration_cast<milliseconds>(wake - now) + milliseconds(1);
-    Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
     Require(curl_multi_poll(multi_.get(), nullptr, 0, static_cast<int>(wait.count()), nullptr) ==
             CURLM_OK);
-    Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
   }
   for (std::size_t i = 0; i < calls_.size(); ++i) {
     if (calls_[i]) End(i, PeerOutcome::kFailed);

@@ -8,7 +8,9 @@
 #include <gtest/gtest.h>
 
 #include "server/app/options.h"
+#include "server/http/http_server.h"
 #include "server/peers/peer_layout.h"
+#include "server/peers/peers.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
 
@@ -79,6 +81,41 @@ TEST_F(PeerLayoutTest, TheOptionsMustFitTogether) {
   options.index_dir = "";
   options.database = folder_ / "a.db";
   ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
+}
+
+// An answer that is read together with another part's must not wait for the deadline.
+TEST_F(PeerLayoutTest, NoAnswerIsOverlooked) {
+  const Router router({{.name = "rank",
+                        .method = "POST",
+                        .pattern = "/v1/peer/rank",
+                        .parameters = {Parameter("part", ""), Parameter("parts", "")},
+                        .handler =
+                            [](const Request&, const Parameters&) {
+                              Response answer;
+                              answer.body = "votes";
+                              return answer;
+                            }},
+                       {.name = "state",
+                        .method = "GET",
+                        .pattern = "/v1/peer",
+                        .handler = [](const Request&, const Parameters&) { return Response(); }}});
+  HttpOptions options;
+  options.port = 0;
+  options.admit = [](const Route&, Request&) {};
+  options.on_request = [](const RequestRecord&) {};
+  HttpServer server(router, options);
+  server.Start();
+  const std::string address = "[\"http://127.0.0.1:" + std::to_string(server.port()) + "\"]\n";
+  std::ofstream(folder_ / "peers.toml") << "[parts]\n1 = " << address << "2 = " << address;
+  Peers peers(folder_ / "peers.toml", [](std::size_t, PeerOutcome, double) {});
+  const std::string body = "query";
+  for (int i = 0; i < 3000; ++i) {
+    const auto until = PartServers::Clock::now() + std::chrono::seconds(30);
+    const auto replies =
+        peers.Current()->Ask([&]() -> const std::string& { return body; }, {}, {}, until);
+    for (const auto& reply : replies) ASSERT_TRUE(reply && reply->body == "votes");
+    ASSERT_LT(PartServers::Clock::now(), until) << "after " << i;
+  }
 }
 
 }  // namespace
