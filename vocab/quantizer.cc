@@ -270,27 +270,22 @@ std::vector<NearWord> Quantizer::NearestWords(const Descriptors& descriptors, in
   return nearest;
 }
 
-Bow Quantizer::BowOf(const Descriptors& descriptors, std::size_t first,
-                     std::span<const std::uint32_t> words) const {
-  Bow bow = MakeBow({words.begin(), words.end()});
-  if (coder_) AddCodes(descriptors, first, words, &bow);
-  return bow;
-}
-
-void Quantizer::AddCodes(const Descriptors& descriptors, std::size_t first,
-                         std::span<const std::uint32_t> words, Bow* bow) const {
-  std::vector<std::uint32_t> order(words.size());
-  std::iota(order.begin(), order.end(), 0U);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::uint32_t a, std::uint32_t b) { return words[a] < words[b]; });
-  bow->codes.resize(words.size() * coder_->code_bytes());
-  std::uint8_t* code = bow->codes.data();
-  constexpr std::size_t kAhead = 4;
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    if (i + kAhead < order.size()) coder_->Prefetch(words[order[i + kAhead]]);
-    coder_->Encode(descriptors, first + order[i], words[order[i]], code);
-    code += coder_->code_bytes();
+Bow Quantizer::BowOf(const Descriptors& descriptors, std::span<const std::uint32_t> words) const {
+  std::vector<std::uint64_t> order(words.size());  // word, then row
+  for (std::size_t i = 0; i < words.size(); ++i) order[i] = std::uint64_t{words[i]} << 32U | i;
+  std::ranges::sort(order);
+  std::vector<std::uint32_t> sorted(words.size());
+  std::vector<std::uint32_t> rows(words.size());
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    sorted[i] = static_cast<std::uint32_t>(order[i] >> 32U);
+    rows[i] = static_cast<std::uint32_t>(order[i]);
   }
+  Codes codes;
+  if (coder_) codes = coder_->Encode(descriptors, rows, sorted);
+  Bow bow = MakeBow(std::move(sorted));
+  bow.codes = std::move(codes.bytes);
+  bow.biases = std::move(codes.biases);
+  return bow;
 }
 
 Bow MakeBow(std::vector<std::uint32_t> words) {

@@ -30,6 +30,7 @@ struct Bow {
   // The code of each descriptor (vocab/residual_codes.h), in order of its word: `count` codes for
   // each word. Empty if the vocabulary has no codebook.
   std::vector<std::uint8_t> codes;
+  std::vector<std::int16_t> biases;  // of the codes; empty for binary descriptors
 };
 
 struct NearWord {
@@ -94,15 +95,12 @@ class Quantizer {
   // nullptr for a vocabulary without codebook.
   const ResidualCoder* coder() const { return coder_.get(); }
 
-  // The bag of words of rows first, first + 1, ... of `descriptors`, given the word of each. With
-  // codes when the vocabulary has a codebook.
-  Bow BowOf(const Descriptors& descriptors, std::size_t first,
-            std::span<const std::uint32_t> words) const;
+  // The bag of words of the descriptors, given the word of each. With codes when the vocabulary has
+  // a codebook.
+  Bow BowOf(const Descriptors& descriptors, std::span<const std::uint32_t> words) const;
 
  private:
   void CheckFits(const Descriptors& descriptors) const;
-  void AddCodes(const Descriptors& descriptors, std::size_t first,
-                std::span<const std::uint32_t> words, Bow* bow) const;
   void AssignBlock(const Descriptors& descriptors, std::size_t first, std::size_t count,
                    std::uint32_t* words) const;
 

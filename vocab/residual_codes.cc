@@ -3,7 +3,6 @@
 #include "vocab/residual_codes.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -53,26 +52,6 @@ std::size_t NearestCentroid(const float* part, const float* centroids, std::size
     }
   }
   return best;
-}
-
-using OfCentroids = Eigen::Array<float, kCentroids, 1>;
-
-// Which value is the least, without branches: a number in the last bits of each goes with it, and
-// what differs in these bits only is equal. No value is negative.
-std::size_t Least(OfCentroids values) {
-  using Words [[gnu::vector_size(4 * kCentroids)]] = std::uint32_t;
-  constexpr std::uint32_t kNumber = kCentroids - 1;
-  constexpr Words kNumbers = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-  Words words;
-  std::memcpy(&words, values.data(), sizeof(words));
-  words = (words & ~kNumber) | kNumbers;
-  std::memcpy(values.data(), &words, sizeof(words));
-  return std::bit_cast<std::uint32_t>(values.minCoeff()) & kNumber;
-}
-
-// Centroid number of part p: the even part in the low half of the byte.
-std::size_t Nibble(const std::uint8_t* code, std::size_t p) {
-  return p % 2 == 0 ? code[p / 2] & 15U : code[p / 2] >> 4U;
 }
 
 using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -195,6 +174,100 @@ class PartClustering {
   std::vector<float> points_;
 };
 
+// Eight parts of a vector at once. Vectors, words and centroids lie component by component of their
+// part: component d of part p is at d * lanes + p. Parts beyond the last are zeros.
+constexpr std::size_t kWidth = 8;
+using Floats [[gnu::vector_size(4 * kWidth)]] = float;
+using Numbers [[gnu::vector_size(4 * kWidth)]] = std::int32_t;
+// As they lie in a vector of floats.
+using Stored [[gnu::vector_size(4 * kWidth), gnu::aligned(4), gnu::may_alias]] = float;
+
+template <std::size_t kVectors>
+[[gnu::always_inline]] inline void RotateSome(const float* columns, std::size_t stride,
+                                              std::span<const float> vector, float* rotated) {
+  Floats sums[kVectors] = {};
+  for (std::size_t d = 0; d < vector.size(); ++d, columns += stride) {
+    for (std::size_t v = 0; v < kVectors; ++v)
+      sums[v] += vector[d] * reinterpret_cast<const Stored*>(columns)[v];
+  }
+  std::memcpy(rotated, sums, sizeof(sums));
+}
+
+// columns: vector.size() rows of `size` values, a multiple of kWidth.
+[[gnu::always_inline]] inline void RotateInto(const float* columns, std::size_t size,
+                                              std::span<const float> vector, float* rotated) {
+  constexpr std::size_t kAtOnce = 8;  // as many sums as registers hold
+  std::size_t i = 0;
+  for (; i + kAtOnce * kWidth <= size; i += kAtOnce * kWidth) {
+    RotateSome<kAtOnce>(columns + i, size, vector, rotated + i);
+  }
+  for (; i < size; i += kWidth) RotateSome<1>(columns + i, size, vector, rotated + i);
+}
+
+// kPartDim: the compiler makes better code of what it knows; 0: any.
+template <std::size_t kPartDim>
+[[gnu::always_inline]] inline void FindSomeCentroids(const float* residual, const float* centroids,
+                                                     std::size_t lanes, std::size_t part_dim,
+                                                     std::int32_t* nearest) {
+  if constexpr (kPartDim != 0) part_dim = kPartDim;
+  for (std::size_t p = 0; p < lanes; p += kWidth) {
+    Numbers best = {};
+    Floats least = Floats{} + std::numeric_limits<float>::infinity();
+    const float* of_centroid = centroids + p;
+    for (int c = 0; c < static_cast<int>(kCentroids); ++c) {
+      Floats distance = {};
+      for (std::size_t d = 0; d < part_dim; ++d, of_centroid += lanes) {
+        const Floats difference = *reinterpret_cast<const Stored*>(residual + d * lanes + p) -
+                                  *reinterpret_cast<const Stored*>(of_centroid);
+        distance += difference * difference;
+      }
+      const Numbers nearer = distance < least;
+      best = nearer ? Numbers{} + c : best;
+      least = nearer ? distance : least;
+    }
+    std::memcpy(nearest + p, &best, sizeof(best));
+  }
+}
+
+// The nearest centroid of each part: nearest[p], p < lanes. The first of equally near ones.
+[[gnu::always_inline]] inline void FindCentroids(const float* residual, const float* centroids,
+                                                 std::size_t lanes, std::size_t part_dim,
+                                                 std::int32_t* nearest) {
+  if (part_dim == 2) return FindSomeCentroids<2>(residual, centroids, lanes, 2, nearest);
+  FindSomeCentroids<0>(residual, centroids, lanes, part_dim, nearest);
+}
+
+struct Kernels {
+  void (*rotate)(const float* columns, std::size_t size, std::span<const float> vector,
+                 float* rotated);
+  void (*find_centroids)(const float* residual, const float* centroids, std::size_t lanes,
+                         std::size_t part_dim, std::int32_t* nearest);
+};
+
+// No fused multiply-add, so that every processor of the kind computes the same codes.
+#if defined(__x86_64__) && defined(__GNUC__)
+__attribute__((target("avx2"))) void RotateAvx2(const float* columns, std::size_t size,
+                                                std::span<const float> vector, float* rotated) {
+  RotateInto(columns, size, vector, rotated);
+}
+__attribute__((target("avx2"))) void FindCentroidsAvx2(const float* residual,
+                                                       const float* centroids, std::size_t lanes,
+                                                       std::size_t part_dim,
+                                                       std::int32_t* nearest) {
+  FindCentroids(residual, centroids, lanes, part_dim, nearest);
+}
+#endif
+
+const Kernels& ChosenKernels() {
+  static const Kernels chosen = []() -> Kernels {
+#if defined(__x86_64__) && defined(__GNUC__)
+    if (__builtin_cpu_supports("avx2") != 0) return {RotateAvx2, FindCentroidsAvx2};
+#endif
+    return {RotateInto, FindCentroids};
+  }();
+  return chosen;
+}
+
 }  // namespace
 
 void CheckCodebook(const Codebook& codebook, const Descriptors& words) {
@@ -225,93 +298,92 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
   CheckCodebook(vocabulary_->codebook, vocabulary_->words);
   if (binary_) return;
   const Codebook& book = vocabulary_->codebook;
-  const auto rows = static_cast<Eigen::Index>(book.padded_dim());
-  columns_.resize(book.rotation.size());
-  Eigen::Map<Matrix>(columns_.data(), vocabulary_->words.dim, rows) =
-      Eigen::Map<const Matrix>(book.rotation.data(), rows, vocabulary_->words.dim).transpose();
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
+  const auto dim = static_cast<std::size_t>(vocabulary_->words.dim);
+  lanes_ = (book.parts() + kWidth - 1) / kWidth * kWidth;
+  size_ = lanes_ * part_dim;
+  columns_.resize(dim * size_);
+  centroids_.resize(kCentroids * size_);
   for (std::size_t p = 0; p < book.parts(); ++p) {
     for (std::size_t d = 0; d < part_dim; ++d) {
-      for (std::size_t c = 0; c < kCentroids; ++c) {
-        centroid_columns_.push_back(book.centroids[(p * kCentroids + c) * part_dim + d]);
-      }
+      const std::size_t at = d * lanes_ + p;
+      const float* row = book.rotation.data() + (p * part_dim + d) * dim;
+      for (std::size_t i = 0; i < dim; ++i) columns_[i * size_ + at] = row[i];
+      const float* of_part = book.centroids.data() + p * kCentroids * part_dim + d;
+      for (std::size_t c = 0; c < kCentroids; ++c)
+        centroids_[c * size_ + at] = of_part[c * part_dim];
     }
   }
+  rotated_words_.resize(vocabulary_->size() * size_);
   double largest = 0;  // squared norm of a word
   for (std::size_t w = 0; w < vocabulary_->size(); ++w) {
     const auto word = vocabulary_->words.float_row(w);
     double squared = 0;
     for (const float x : word) squared += static_cast<double>(x) * x;
     largest = std::max(largest, squared);
-    const std::vector<float> rotated = Rotated(word);
-    rotated_words_.insert(rotated_words_.end(), rotated.begin(), rotated.end());
+    ChosenKernels().rotate(columns_.data(), size_, word, rotated_words_.data() + w * size_);
   }
   // b = |x'|^2 - |w|^2. Descriptors of a kind have about one norm, so b is well within twice the
   // largest; what is not is clamped.
   bias_step_ = static_cast<float>(std::max(largest, 1e-30) * 2 / 32767);
 }
 
-std::vector<float> ResidualCoder::Rotated(std::span<const float> vector) const {
-  std::vector<float> rotated(vocabulary_->codebook.padded_dim());
-  const auto rows = static_cast<Eigen::Index>(rotated.size());
-  const auto dim = static_cast<Eigen::Index>(vector.size());
-  Eigen::Map<Eigen::VectorXf>(rotated.data(), rows).noalias() =
-      Eigen::Map<const Eigen::MatrixXf>(columns_.data(), rows, dim) *
-      Eigen::Map<const Eigen::VectorXf>(vector.data(), dim);
-  return rotated;
-}
-
-void ResidualCoder::Prefetch(std::uint32_t word) const {
-  if (binary_) return;
-  constexpr std::size_t kLine = 64 / sizeof(float);
-  const std::size_t dim = vocabulary_->codebook.padded_dim();
-  for (std::size_t d = 0; d < dim; d += kLine) __builtin_prefetch(&rotated_words_[word * dim + d]);
-}
-
-void ResidualCoder::Encode(const Descriptors& descriptors, std::size_t row, std::uint32_t word,
-                           std::uint8_t* code) const {
+Codes ResidualCoder::Encode(const Descriptors& descriptors, std::span<const std::uint32_t> rows,
+                            std::span<const std::uint32_t> words) const {
+  Codes codes;
+  codes.bytes.resize(rows.size() * code_bytes_);
   if (binary_) {
-    const auto bytes = descriptors.binary_row(row);
-    std::copy(bytes.begin(), bytes.end(), code);
-    return;
-  }
-  const Codebook& book = vocabulary_->codebook;
-  std::vector<float> residual = Rotated(descriptors.float_row(row));
-  const float* of_word = rotated_words_.data() + word * residual.size();
-  for (std::size_t d = 0; d < residual.size(); ++d) residual[d] -= of_word[d];
-  const auto part_dim = static_cast<std::size_t>(book.part_dim);
-  std::fill_n(code, code_bytes_, std::uint8_t{0});
-  for (std::size_t p = 0; p < book.parts(); ++p) {
-    const float* column = centroid_columns_.data() + p * kCentroids * part_dim;
-    OfCentroids distances = OfCentroids::Zero();
-    for (std::size_t d = 0; d < part_dim; ++d, column += kCentroids) {
-      distances += (residual[p * part_dim + d] - Eigen::Map<const OfCentroids>(column)).square();
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      std::ranges::copy(descriptors.binary_row(rows[i]), codes.bytes.data() + i * code_bytes_);
     }
-    const std::size_t nearest = Least(distances);
-    code[p / 2] |= static_cast<std::uint8_t>(p % 2 == 0 ? nearest : nearest << 4U);
+    return codes;
   }
+  constexpr std::size_t kAhead = 8;  // in a large vocabulary words wait for the memory
+  constexpr std::size_t kLine = 64 / sizeof(float);
+  const Kernels& kernels = ChosenKernels();
+  std::vector<float> residual(size_);
+  std::vector<std::int32_t> nearest(lanes_);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i + kAhead < rows.size()) {
+      const float* ahead = rotated_words_.data() + words[i + kAhead] * size_;
+      for (std::size_t d = 0; d < size_; d += kLine) __builtin_prefetch(ahead + d);
+    }
+    kernels.rotate(columns_.data(), size_, descriptors.float_row(rows[i]), residual.data());
+    const float* of_word = rotated_words_.data() + words[i] * size_;
+    for (std::size_t d = 0; d < size_; ++d) residual[d] -= of_word[d];
+    kernels.find_centroids(residual.data(), centroids_.data(), lanes_, size_ / lanes_,
+                           nearest.data());
+    std::uint8_t* code = codes.bytes.data() + i * code_bytes_;
+    for (std::size_t j = 0; j < code_bytes_; ++j) {
+      code[j] = static_cast<std::uint8_t>(nearest[2 * j] | nearest[2 * j + 1] << 4);
+    }
+    codes.biases.push_back(Bias(words[i], code));
+  }
+  return codes;
 }
 
 std::int16_t ResidualCoder::Bias(std::uint32_t word, const std::uint8_t* code) const {
-  if (binary_) return 0;
-  const Codebook& book = vocabulary_->codebook;
-  const auto part_dim = static_cast<std::size_t>(book.part_dim);
-  const float* of_word = rotated_words_.data() + word * book.padded_dim();
-  float bias = 0;
-  for (std::size_t p = 0; p < book.parts(); ++p) {
-    const float* centroid = book.centroids.data() + (p * kCentroids + Nibble(code, p)) * part_dim;
-    for (std::size_t d = 0; d < part_dim; ++d) {
-      bias += centroid[d] * (centroid[d] + 2 * of_word[p * part_dim + d]);
+  const float* of_word = rotated_words_.data() + word * size_;
+  float sums[2] = {0, 0};  // of even and odd parts
+  for (std::size_t first = 0; first < size_; first += lanes_) {
+    for (std::size_t j = 0; j < code_bytes_; ++j) {
+      const std::size_t p = first + 2 * j;
+      const float even = centroids_[(code[j] & 15U) * size_ + p];
+      const float odd = centroids_[(code[j] >> 4U) * size_ + p + 1];
+      sums[0] += even * (even + 2 * of_word[p]);
+      sums[1] += odd * (odd + 2 * of_word[p + 1]);
     }
   }
-  return static_cast<std::int16_t>(std::lround(std::clamp(bias / bias_step_, -32767.0F, 32767.0F)));
+  const float bias = (sums[0] + sums[1]) / bias_step_;
+  return static_cast<std::int16_t>(std::lround(std::clamp(bias, -32767.0F, 32767.0F)));
 }
 
 LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
   const Codebook& book = vocabulary_->codebook;
   const std::size_t parts = book.parts();
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
-  const std::vector<float> rotated = Rotated(query);
+  std::vector<float> rotated(size_);
+  ChosenKernels().rotate(columns_.data(), size_, query, rotated.data());
   std::vector<float> values(parts * kCentroids);
   std::vector<float> least(parts, std::numeric_limits<float>::infinity());
   float range = 0;
@@ -321,7 +393,7 @@ LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
     for (std::size_t c = 0; c < kCentroids; ++c) {
       const float* centroid = book.centroids.data() + (p * kCentroids + c) * part_dim;
       float dot = 0;
-      for (std::size_t d = 0; d < part_dim; ++d) dot += centroid[d] * rotated[p * part_dim + d];
+      for (std::size_t d = 0; d < part_dim; ++d) dot += centroid[d] * rotated[d * lanes_ + p];
       const float value = -2 * dot;
       values[p * kCentroids + c] = value;
       least[p] = std::min(least[p], value);

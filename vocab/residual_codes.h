@@ -46,6 +46,11 @@ struct LookupTable {
   float offset = 0;  // the sum of the parts' least distances
 };
 
+struct Codes {
+  std::vector<std::uint8_t> bytes;   // code_bytes() each
+  std::vector<std::int16_t> biases;  // b of each, in steps of bias_step(); empty when binary
+};
+
 // Descriptors to codes. Immutable and thread-safe.
 class ResidualCoder {
  public:
@@ -55,27 +60,26 @@ class ResidualCoder {
   bool binary() const { return binary_; }
   std::size_t code_bytes() const { return code_bytes_; }
 
-  // Of a word that Encode needs soon: in a large vocabulary its data wait for the memory.
-  void Prefetch(std::uint32_t word) const;
-  // `code` gets code_bytes() bytes.
-  void Encode(const Descriptors& descriptors, std::size_t row, std::uint32_t word,
-              std::uint8_t* code) const;
-  // b of the code, in steps of bias_step(); 0 when binary.
-  std::int16_t Bias(std::uint32_t word, const std::uint8_t* code) const;
+  // The codes of these rows in these words.
+  Codes Encode(const Descriptors& descriptors, std::span<const std::uint32_t> rows,
+               std::span<const std::uint32_t> words) const;
   float bias_step() const { return bias_step_; }
 
   // Floats only.
   LookupTable TableOf(std::span<const float> query) const;
 
  private:
-  std::vector<float> Rotated(std::span<const float> vector) const;
+  std::int16_t Bias(std::uint32_t word, const std::uint8_t* code) const;
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   bool binary_;
   std::size_t code_bytes_;
-  std::vector<float> columns_;           // of the rotation: dim x padded_dim
-  std::vector<float> centroid_columns_;  // parts x part_dim x 16
-  std::vector<float> rotated_words_;     // words x padded_dim
+  // Component d of part p is at d * lanes_ + p of each of these vectors of size_ values.
+  std::size_t lanes_ = 0;  // at least the number of parts
+  std::size_t size_ = 0;
+  std::vector<float> columns_;        // of the rotation
+  std::vector<float> centroids_;      // number c of all parts
+  std::vector<float> rotated_words_;  // of the vocabulary
   float bias_step_ = 0;
 };
 

@@ -87,9 +87,11 @@ CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t voc
                            const ResidualCoder& coder) {
   const std::size_t bytes = coder.code_bytes();
   std::vector<std::size_t> starts(vocabulary_size + 1, 0);
+  const std::size_t biases_each = coder.binary() ? 0 : 1;
   std::vector<std::uint8_t> codes;
   for (const IndexedImage& image : images) {
-    if (image.bow.codes.size() != image.bow.total * bytes) {
+    if (image.bow.codes.size() != image.bow.total * bytes ||
+        image.bow.biases.size() != image.bow.total * biases_each) {
       throw Error(ErrorCode::kCorrupt, "codes_missing",
                   "image \"" + image.id +
                       "\" has more or fewer codes than its vocabulary needs; train a new one");
@@ -102,9 +104,12 @@ CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t voc
   std::vector<std::size_t> next(starts.begin(), starts.end() - 1);
   std::size_t at = 0;
   for (std::uint32_t p = 0; p < images.size(); ++p) {
-    for (const WordCount& entry : images[p].bow.words) {
-      for (std::uint32_t i = 0; i < entry.count; ++i, at += bytes) {
-        entries[next[entry.word]++] = {p, coder.Bias(entry.word, codes.data() + at), at};
+    const Bow& bow = images[p].bow;
+    std::size_t descriptor = 0;
+    for (const WordCount& entry : bow.words) {
+      for (std::uint32_t i = 0; i < entry.count; ++i, ++descriptor, at += bytes) {
+        entries[next[entry.word]++] = {
+            p, bow.biases.empty() ? std::int16_t{0} : bow.biases[descriptor], at};
       }
     }
   }

@@ -54,7 +54,7 @@ class CodeLists {
       first = end;
     }
   }
-  // The words of an image with their codes, as Build got them. Looks into all lists.
+  // The words of an image with their codes, but without biases. Looks into all lists.
   Bow BowOf(std::size_t image) const;
   // Of the words and codes of each image; `images`: their number. Equal ones have the same digest.
   std::vector<std::uint64_t> Digests(std::size_t images) const;

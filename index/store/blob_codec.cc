@@ -230,6 +230,56 @@ void CheckShape(const Features& features) {
   }
 }
 
+// The parts of a blob, checked, but not decoded.
+struct StoredFeatures {
+  DescriptorKind kind;
+  std::uint8_t contents;  // kWithColours, kWithPreview
+  std::uint32_t rows;
+  int dim;
+  std::int32_t width;
+  std::int32_t height;
+  Bytes keypoints;
+  Bytes descriptors;
+  Bytes more;
+
+  explicit StoredFeatures(Bytes blob) {
+    const Bytes body = CheckedBody(blob, "features");
+    if (body.size() < kFeatureHeaderBytes ||
+        std::memcmp(body.data(), kFeatureMagic, sizeof(kFeatureMagic)) != 0) {
+      ThrowCorruptBlob("features do not begin with PLFT");
+    }
+    if (body[4] != kFeatureVersion) {
+      ThrowCorruptBlob("features are of format version " + std::to_string(body[4]) +
+                       ", which this Pliant does not read");
+    }
+    if (body[5] > 1 || body[6] > (kWithColours | kWithPreview))
+      ThrowCorruptBlob("features are of an unknown kind");
+    kind = static_cast<DescriptorKind>(body[5]);
+    contents = body[6];
+    rows = GetValue<std::uint32_t>(body, 7);
+    const auto components = GetValue<std::uint32_t>(body, 11);
+    if (rows > kMaxRows || components > kMaxDim) {
+      ThrowCorruptBlob("features claim an impossible size");
+    }
+    dim = static_cast<int>(components);
+    const std::size_t keypoint_bytes = rows * kKeypointBytes;
+    const std::size_t descriptor_bytes = rows * CodedRowBytes(kind, dim);
+    const Bytes rest = body.subspan(kFeatureHeaderBytes);
+    const std::size_t least = keypoint_bytes + descriptor_bytes;
+    if (contents != 0 ? rest.size() < least : rest.size() != least) {
+      ThrowCorruptBlob("features have a length that differs from what their header says");
+    }
+    width = GetValue<std::int32_t>(body, 15);
+    height = GetValue<std::int32_t>(body, 19);
+    if (rows > 0 && (width < 1 || height < 1)) {
+      ThrowCorruptBlob("features have keypoints in an image without a size");
+    }
+    keypoints = rest.first(keypoint_bytes);
+    descriptors = rest.subspan(keypoint_bytes, descriptor_bytes);
+    more = rest.subspan(least);
+  }
+};
+
 constexpr std::uint8_t kWordsVersion = 2;
 constexpr std::uint8_t kCodebookVersion = 1;
 
@@ -260,47 +310,25 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features) {
 }
 
 Features DecodeFeatures(Bytes blob) {
-  const Bytes body = CheckedBody(blob, "features");
-  if (body.size() < kFeatureHeaderBytes ||
-      std::memcmp(body.data(), kFeatureMagic, sizeof(kFeatureMagic)) != 0) {
-    ThrowCorruptBlob("features do not begin with PLFT");
-  }
-  if (body[4] != kFeatureVersion) {
-    ThrowCorruptBlob("features are of format version " + std::to_string(body[4]) +
-                     ", which this Pliant does not read");
-  }
-  if (body[5] > 1 || body[6] > (kWithColours | kWithPreview))
-    ThrowCorruptBlob("features are of an unknown kind");
-  const auto kind = static_cast<DescriptorKind>(body[5]);
-  const bool with_colours = (body[6] & kWithColours) != 0;
-  const bool with_preview = (body[6] & kWithPreview) != 0;
-  const auto rows = GetValue<std::uint32_t>(body, 7);
-  const auto dim = GetValue<std::uint32_t>(body, 11);
-  if (rows > kMaxRows || dim > kMaxDim) ThrowCorruptBlob("features claim an impossible size");
-  const std::size_t keypoint_bytes = rows * kKeypointBytes;
-  const std::size_t end =
-      kFeatureHeaderBytes + keypoint_bytes + rows * CodedRowBytes(kind, static_cast<int>(dim));
-  if (body[6] != 0 ? body.size() < end : body.size() != end) {
-    ThrowCorruptBlob("features have a length that differs from what their header says");
-  }
+  const StoredFeatures stored(blob);
   Features features;
-  features.width = GetValue<std::int32_t>(body, 15);
-  features.height = GetValue<std::int32_t>(body, 19);
-  if (rows > 0 && (features.width < 1 || features.height < 1)) {
-    ThrowCorruptBlob("features have keypoints in an image without a size");
-  }
-  const Bytes rest = body.subspan(kFeatureHeaderBytes);
-  features.keypoints = GetKeypoints(rest.first(keypoint_bytes), features.width, features.height);
-  features.descriptors =
-      GetDescriptors(rest.subspan(keypoint_bytes), kind, rows, static_cast<int>(dim));
-  Bytes more = body.subspan(end);
-  if (with_preview) features.preview = GetPreview(&more);
-  if (with_colours) {
+  features.width = stored.width;
+  features.height = stored.height;
+  features.keypoints = GetKeypoints(stored.keypoints, stored.width, stored.height);
+  features.descriptors = GetDescriptors(stored.descriptors, stored.kind, stored.rows, stored.dim);
+  Bytes more = stored.more;
+  if ((stored.contents & kWithPreview) != 0) features.preview = GetPreview(&more);
+  if ((stored.contents & kWithColours) != 0) {
     features.colours = GetColours(more);
   } else if (!more.empty()) {
     ThrowCorruptBlob("features have a length that differs from what their header says");
   }
   return features;
+}
+
+Descriptors DecodeDescriptors(Bytes blob) {
+  const StoredFeatures stored(blob);
+  return GetDescriptors(stored.descriptors, stored.kind, stored.rows, stored.dim);
 }
 
 Features InStoredPrecision(Features features) {

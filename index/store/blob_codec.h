@@ -37,6 +37,7 @@ std::vector<std::uint8_t> EncodeFeatures(const Features& features);
 // Throws kCorrupt for any error in the blob: magic, version, sizes, checksum. The model id is
 // stored outside the blob: here it is empty.
 Features DecodeFeatures(Bytes blob);
+Descriptors DecodeDescriptors(Bytes blob);  // alone
 
 // `features` as they are after storing and reading. Queries and new images are quantised in this
 // precision, so that an image has the same words as a query and as a stored image. Keeps the model

@@ -46,9 +46,10 @@ class FeedView {
   // of them, or does not continue from there. Then load everything again.
   virtual std::optional<std::vector<std::int64_t>> RemovedSince(const FeedPosition& at) = 0;
   virtual std::shared_ptr<const Vocabulary> ReadVocabulary(Key vocabulary) = 0;
-  virtual std::uint64_t CountImages(Key collection) = 0;  // also those of other shares
+  virtual std::uint64_t CountImages(Key collection) = 0;  // about those of the share
   // The share's images with words of the vocabulary, which is the quantizer's, with versions above
-  // `after`, ascending, at most `chunk` at a time. Their codes are computed, on all cores.
+  // `after`, ascending, at most `chunk` at a time. Their codes are computed, on all cores. `work`
+  // is called from another thread while the next images are read, and must not use the view.
   virtual void ForEachImage(Key vocabulary, const Quantizer& quantizer, std::int64_t after,
                             std::size_t chunk,
                             const std::function<void(std::vector<IndexedImage>)>& work) = 0;

@@ -54,18 +54,26 @@ class Rotation {
     for (std::size_t i = 0; i < row.size(); ++i) row[i] *= signs_[i];
   }
 
-  static void Transform(std::span<float> row) {
-    for (std::size_t half = 1; half < row.size(); half *= 2) {
-      for (std::size_t first = 0; first < row.size(); first += 2 * half) {
-        float* const a = row.data() + first;
-        float* const b = a + half;
-        for (std::size_t i = 0; i < half; ++i) {
-          const float sum = a[i] + b[i];
-          b[i] = a[i] - b[i];
-          a[i] = sum;
-        }
+  // For the smallest sizes the compiler must know them, or it takes one value at a time.
+  template <std::size_t kHalf = 0>
+  static void AddAndSubtract(std::span<float> row, std::size_t half = kHalf) {
+    if constexpr (kHalf != 0) half = kHalf;
+    for (std::size_t first = 0; first + 2 * half <= row.size(); first += 2 * half) {
+      float* const a = row.data() + first;
+      float* const b = a + half;
+      for (std::size_t i = 0; i < half; ++i) {
+        const float sum = a[i] + b[i];
+        b[i] = a[i] - b[i];
+        a[i] = sum;
       }
     }
+  }
+
+  static void Transform(std::span<float> row) {
+    AddAndSubtract<1>(row);
+    AddAndSubtract<2>(row);
+    AddAndSubtract<4>(row);
+    for (std::size_t half = 8; half < row.size(); half *= 2) AddAndSubtract(row, half);
     const float norm = 1.0F / std::sqrt(static_cast<float>(row.size()));
     for (float& value : row) value *= norm;
   }
@@ -124,9 +132,9 @@ Descriptors GetFloats(Bytes bytes, std::size_t rows, int dim) {
                   "stored features have a descriptor whose scale is not a number");
     }
     code += kScaleBytes;
-    for (std::size_t j = 0; j < row.size(); j += 2, ++code) {
-      row[j] = scale * (static_cast<float>(*code & 15U) - kLargestLevel);
-      row[j + 1] = scale * (static_cast<float>(*code >> 4U) - kLargestLevel);
+    for (std::size_t j = 0; j < row.size() / 2; ++j) {
+      row[2 * j] = scale * (static_cast<float>(code[j] & 15) - kLargestLevel);
+      row[2 * j + 1] = scale * (static_cast<float>(code[j] >> 4) - kLargestLevel);
     }
     rotation.Back(row);
     std::copy_n(row.begin(), kept, result.floats.data() + i * kept);

@@ -47,6 +47,7 @@ Bow RandomBow(std::mt19937_64& random, std::size_t vocabulary) {
   Bow bow = MakeBow(std::move(words));
   bow.codes.resize(std::size_t{kDescriptorsAnImage} * kCodeBytes);
   for (std::uint8_t& byte : bow.codes) byte = static_cast<std::uint8_t>(random());
+  bow.biases.resize(kDescriptorsAnImage);
   return bow;
 }
 

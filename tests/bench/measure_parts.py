@@ -42,11 +42,10 @@ def stop(servers):
         server.__exit__()
 
 
-def request_seconds(server, route):
-    """Mean seconds of the route's requests, by the server itself."""
+def mean_seconds(server, histogram, label):
     with urllib.request.urlopen(server.address + "/metrics", timeout=60) as answer:
         text = answer.read().decode()
-    total, count = (float(re.search(rf'pliant_http_request_seconds_{what}{{route="{route}"}} (\S+)', text).group(1)) for what in ("sum", "count"))
+    total, count = (float(re.search(rf'{histogram}_{what}{{{label}}} (\S+)', text).group(1)) for what in ("sum", "count"))
     return total / count
 
 
@@ -96,9 +95,9 @@ def main():
     def start_twice(names, flags, say):
         servers, seconds = start(options, names, flags)
         report(f"start of {say}, without files", f"{seconds:.1f} s")
-        while len(list(options.work.glob("*/part-*/*.json"))) < 1:
+        while not all(list(folder(name).glob("*/*.json")) for name in names):  # written last
             time.sleep(0.2)
-        stop(servers)  # saves the rest
+        stop(servers)
         servers, seconds = start(options, names, flags)
         report(f"start of {say}, with files", f"{seconds:.1f} s")
         return servers
@@ -116,13 +115,16 @@ def main():
     stop(servers)
 
     numbers = [str(part) for part in range(1, options.parts + 1)]
-    peers.write_text("[parts]\n" + "".join(f'{number} = ["http://127.0.0.1:1"]\n' for number in numbers), encoding="ascii")
+    head = "timeout_ms = 60000\n[parts]\n"  # the first searches read the files
+    peers.write_text(head + "".join(f'{number} = ["http://127.0.0.1:1"]\n' for number in numbers), encoding="ascii")
     servers = start_twice(numbers, flags_of_part, "all parts")
-    peers.write_text("[parts]\n" + "".join(f'{number} = ["{servers[number].address}"]\n' for number in numbers), encoding="ascii")
+    peers.write_text(head + "".join(f'{number} = ["{servers[number].address}"]\n' for number in numbers), encoding="ascii")
     servers.update(start(options, ["asks"], flags_of_part)[0])
     answers, rank_ms, processor = measured(servers, servers["asks"], images)
-    slowest = max(request_seconds(servers[number], "peer.rank") for number in numbers)
-    report("parts: ranking", f"{rank_ms:.1f} ms, of which two steps of the slowest part {2000 * slowest:.1f} ms")
+    own = [mean_seconds(servers[number], "pliant_http_request_seconds", 'route="peer.rank"') for number in numbers]
+    asked = [mean_seconds(servers["asks"], "pliant_part_seconds", f'part="{number}"') for number in numbers]
+    report("parts: ranking", f"{rank_ms:.1f} ms, of which two steps of the slowest part {2000 * max(own):.1f} ms")
+    report("sending and receiving", f"{max(2000 * (a - b) for a, b in zip(asked, own, strict=True)):.1f} ms in both steps")
     for name, seconds in processor.items():
         report(f"processor of {name}", f"{1000 * seconds:.1f} ms, {seconds / one:.2f} of the whole")
     same = sum(hits(a) == hits(b) for a, b in zip(expected, answers, strict=True))

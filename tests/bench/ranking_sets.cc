@@ -60,7 +60,7 @@ std::vector<IndexedImage> Quantized(const std::vector<LabelledImage>& images,
   std::vector<IndexedImage> indexed;
   for (const LabelledImage& image : images) {
     const std::vector<std::uint32_t> words = quantizer.Assign(image.descriptors);
-    indexed.push_back({0, 0, "", quantizer.BowOf(image.descriptors, 0, words)});
+    indexed.push_back({0, 0, "", quantizer.BowOf(image.descriptors, words)});
   }
   return indexed;
 }

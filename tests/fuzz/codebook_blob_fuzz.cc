@@ -30,11 +30,9 @@ void UseCodebook(const Descriptors& words, const pliant::Codebook& codebook) {
   vocabulary->words = words;
   vocabulary->codebook = codebook;
   const pliant::ResidualCoder coder(vocabulary);
-  std::vector<std::uint8_t> code(coder.code_bytes());
-  for (std::size_t row = 0; row < words.rows; ++row) {
+  for (std::uint32_t row = 0; row < words.rows; ++row) {
     const auto word = static_cast<std::uint32_t>((row + 1) % words.rows);
-    coder.Encode(words, row, word, code.data());
-    coder.Bias(word, code.data());
+    coder.Encode(words, {&row, 1}, {&word, 1});
     if (coder.binary()) continue;
     Require(coder.TableOf(words.float_row(row)).entries.size() == codebook.parts() * 16,
             "a query has an entry for each centroid");

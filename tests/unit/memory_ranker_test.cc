@@ -163,7 +163,7 @@ class MemoryRankerTest : public ::testing::Test {
   }
   // Of a collection's images, what a search finds.
   std::vector<std::int64_t> Versions(const CollectionView& view) {
-    const RankQuery query = {.method = RankMethod::kHistogram, .bow = {{{1, 1}}, 1, {}}};
+    const RankQuery query = {.method = RankMethod::kHistogram, .bow = {{{1, 1}}, 1, {}, {}}};
     std::vector<std::int64_t> versions;
     for (const RankedImage& p : Rank(*view.snapshot, *view.quantizer, query, {}).best) {
       versions.push_back(p.ref.version);

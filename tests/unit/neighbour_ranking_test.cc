@@ -85,15 +85,15 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     stored.descriptors = std::move(descriptors);
     stored.object = object;
     return {key, object, "id" + std::to_string(key),
-            quantizer_->BowOf(stored.descriptors, 0, stored.words)};
+            quantizer_->BowOf(stored.descriptors, stored.words)};
   }
 
   // The distance from its code, by the formula in vocab/residual_codes.h.
   double Estimated(const Descriptors& query, std::size_t q, double base, const Stored& stored,
                    std::size_t x) const {
     const ResidualCoder& coder = *quantizer_->coder();
-    std::vector<std::uint8_t> code(coder.code_bytes());
-    coder.Encode(stored.descriptors, x, stored.words[x], code.data());
+    const std::vector<std::uint32_t> row{static_cast<std::uint32_t>(x)};
+    const auto [code, biases] = coder.Encode(stored.descriptors, row, {&stored.words[x], 1});
     if (coder.binary()) {
       double bits = 0;
       for (int d = 0; d < kDim; ++d)
@@ -106,9 +106,8 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       const std::size_t nibble = p % 2 == 0 ? code[p / 2] & 15 : code[p / 2] >> 4;
       sum += table.entries[p * 16 + nibble];
     }
-    const double distance =
-        base + table.offset + table.step * sum +
-        static_cast<double>(coder.bias_step()) * coder.Bias(stored.words[x], code.data());
+    const double distance = base + table.offset + table.step * sum +
+                            static_cast<double>(coder.bias_step()) * biases.at(0);
     return std::max(0.0, distance);
   }
 

@@ -61,10 +61,14 @@ Trained Train(const Descriptors& samples, int bytes) {
   return trained;
 }
 
-double SquaredDistance(std::span<const float> a, std::span<const float> b) {
+template <typename T>
+double SquaredDistance(const float* a, const T* b, std::size_t dim) {
   double sum = 0;
-  for (std::size_t d = 0; d < a.size(); ++d) sum += std::pow(static_cast<double>(a[d]) - b[d], 2);
+  for (std::size_t d = 0; d < dim; ++d) sum += std::pow(static_cast<double>(a[d]) - b[d], 2);
   return sum;
+}
+double SquaredDistance(std::span<const float> a, std::span<const float> b) {
+  return SquaredDistance(a.data(), b.data(), a.size());
 }
 
 // The list of all samples of one word, and which they are.
@@ -79,12 +83,12 @@ WordList ListOf(const Trained& trained, const ResidualCoder& coder, const Descri
                 std::uint32_t word) {
   WordList result;
   std::vector<std::uint8_t> row_major;
-  for (std::size_t i = 0; i < samples.rows; ++i) {
+  for (std::uint32_t i = 0; i < samples.rows; ++i) {
     if (trained.assignment[i] != word) continue;
-    std::vector<std::uint8_t> code(coder.code_bytes());
-    coder.Encode(samples, i, word, code.data());
+    const Codes codes = coder.Encode(samples, {&i, 1}, {&word, 1});
+    const std::vector<std::uint8_t>& code = codes.bytes;
     row_major.insert(row_major.end(), code.begin(), code.end());
-    result.biases.push_back(coder.Bias(word, code.data()));
+    result.biases.push_back(coder.binary() ? std::int16_t{0} : codes.biases.at(0));
     result.rows.push_back(i);
   }
   AppendCodes(row_major.data(), result.rows.size(), coder.code_bytes(), &result.codes);
@@ -137,6 +141,51 @@ TEST(ResidualCodesTest, EstimatedDistancesAreNearTheTrueOnes) {
     last_error = error;
   }
   EXPECT_LT(last_error, 0.08);  // of squared distances up to 4
+}
+
+// Sizes that fill registers, and sizes that do not.
+TEST(ResidualCodesTest, CodesAreTheNearestCentroidsOfTheRotatedResidual) {
+  for (const auto& [dim, bytes] : {std::pair{64, 16}, {128, 16}, {22, 4}, {2, 1}, {96, 48}}) {
+    const Descriptors samples = Clustered(200, 9, dim);
+    const Trained trained = Train(samples, bytes);
+    const Codebook& book = trained.vocabulary->codebook;
+    const ResidualCoder coder(trained.vocabulary);
+    std::vector<std::uint32_t> rows(samples.rows);
+    std::iota(rows.begin(), rows.end(), 0U);
+    const auto [codes, biases] = coder.Encode(samples, rows, trained.assignment);
+    ASSERT_EQ(codes.size(), samples.rows * coder.code_bytes());
+    ASSERT_EQ(biases.size(), samples.rows);
+    const auto part_dim = static_cast<std::size_t>(book.part_dim);
+    for (std::size_t i = 0; i < samples.rows; ++i) {
+      const auto word = trained.vocabulary->words.float_row(trained.assignment[i]);
+      std::vector<double> residual(book.padded_dim(), 0);
+      double bias = 0;
+      for (std::size_t r = 0; r < residual.size(); ++r) {
+        const auto row = std::span(book.rotation).subspan(r * dim, dim);
+        const std::size_t p = r / part_dim;
+        const std::uint8_t byte = codes[i * coder.code_bytes() + p / 2];
+        const std::size_t c = p % 2 == 0 ? byte & 15U : byte >> 4U;
+        const double centroid = book.centroids[(p * 16 + c) * part_dim + r % part_dim];
+        double of_word = 0;
+        for (std::size_t d = 0; d < row.size(); ++d) {
+          residual[r] += row[d] * (static_cast<double>(samples.float_row(i)[d]) - word[d]);
+          of_word += static_cast<double>(row[d]) * word[d];
+        }
+        bias += centroid * (centroid + 2 * of_word);
+      }
+      EXPECT_NEAR(biases[i], bias / coder.bias_step(), 1);
+      for (std::size_t p = 0; p < book.parts(); ++p) {
+        const auto distance = [&](std::size_t c) {
+          const float* centroid = book.centroids.data() + (p * 16 + c) * part_dim;
+          return SquaredDistance(centroid, residual.data() + p * part_dim, part_dim);
+        };
+        double least = distance(0);
+        for (std::size_t c = 1; c < 16; ++c) least = std::min(least, distance(c));
+        const std::uint8_t byte = codes[i * coder.code_bytes() + p / 2];
+        EXPECT_NEAR(distance(p % 2 == 0 ? byte & 15U : byte >> 4U), least, 1e-5);
+      }
+    }
+  }
 }
 
 TEST(ResidualCodesTest, OnlyWhatIsNearerThanTheLimitIsReturnedInOrder) {

@@ -5,6 +5,7 @@
 #include "index/store/change_feed.h"
 
 #include <algorithm>
+#include <future>
 #include <string>
 #include <utility>
 
@@ -20,7 +21,7 @@
 namespace pliant {
 namespace {
 
-constexpr std::size_t kRowsAtOnce = 512;  // a database may send all rows before the first is read
+constexpr std::size_t kRowsAtOnce = 128;  // a database may send all rows before the first is read
 
 // A row of an image.
 struct Stored {
@@ -30,14 +31,14 @@ struct Stored {
 
   void Quantize(const Quantizer& quantizer) {
     try {
-      const Descriptors descriptors = DecodeFeatures(features).descriptors;
+      const Descriptors descriptors = DecodeDescriptors(features);
       const Descriptors& of_words = quantizer.vocabulary().words;
       const auto decoded = DecodeWords(words, of_words.rows);
       if (decoded.size() != descriptors.rows || descriptors.kind != of_words.kind ||
           descriptors.dim != of_words.dim) {
         throw Error(ErrorCode::kCorrupt, "words_corrupt", "its words are not of its descriptors");
       }
-      image.bow = quantizer.BowOf(descriptors, 0, decoded);
+      image.bow = quantizer.BowOf(descriptors, decoded);
     } catch (const Error& error) {
       throw Error(error.code(), error.reason(), "image \"" + image.id + "\": " + error.what());
     }
@@ -89,45 +90,37 @@ class SqlFeedView : public FeedView {
   }
 
   std::uint64_t CountImages(Key collection) override {
-    return Read([&](Connection& db) { return CountImagesIn(db, collection); });
+    return Read([&](Connection& db) {
+      return CountImagesIn(db, collection) / static_cast<std::uint64_t>(share_.parts);
+    });
   }
 
+  // The database reads, all cores make codes, and `work` builds at the same time.
   void ForEachImage(Key vocabulary, const Quantizer& quantizer, std::int64_t after,
                     std::size_t chunk,
                     const std::function<void(std::vector<IndexedImage>)>& work) override {
-    Read([&](Connection& db) {
-      std::vector<IndexedImage> images;
-      for (std::size_t read = kRowsAtOnce; read == kRowsAtOnce;) {
-        std::vector<Stored> stored;
-        // Every table has its bound: PostgreSQL would read all rows before it otherwise. The share
-        // is no condition: it would sort all rows for the few that it expects.
-        const std::string share = OfShare();
-        Cursor row = db.Prepare(
-            "SELECT p.key, p.object, p.id, w.data, f.data, CASE WHEN " + share +
-            " THEN 1 ELSE 0 END FROM image_words w JOIN images p ON p.key = w.image LEFT JOIN "
-            "features f ON f.image = w.image AND f.image > ? AND " +
-            share +
-            " WHERE w.vocabulary = ? AND w.image > ? AND p.key > ? ORDER BY w.image LIMIT ?");
-        row.Bind(after, vocabulary, after, after, kRowsAtOnce);
-        for (read = 0; row.Next(); ++read) {
-          after = row.Int(0);
-          if (row.Int(5) == 0) continue;
-          if (row.IsNull(4)) throw refusals::FeaturesMissing();
-          Stored& one = stored.emplace_back();
-          one.image.key = after;
-          one.image.object = row.IsNull(1) ? 0 : row.Int(1);
-          one.image.id = row.Text(2);
-          one.words = row.CopyOfBlob(3);
-          one.features = row.CopyOfBlob(4);
-        }
-        ParallelFor(stored.size(), 0, [&](std::size_t i) { stored[i].Quantize(quantizer); });
-        for (Stored& one : stored) {
-          images.push_back(std::move(one.image));
-          if (images.size() == chunk) work(std::exchange(images, {}));
-        }
+    std::vector<IndexedImage> images;
+    std::future<void> working;
+    const auto pass_on = [&] {
+      if (working.valid()) working.get();
+      working = std::async(std::launch::async, work, std::exchange(images, {}));
+    };
+    const auto read = [&] { return ReadBatch(vocabulary, after); };
+    std::future<Batch> next = std::async(std::launch::async, read);
+    for (bool more = true; more;) {
+      Batch batch = next.get();
+      after = batch.last;
+      more = batch.more;
+      if (more) next = std::async(std::launch::async, read);
+      ParallelFor(batch.images.size(), 0,
+                  [&](std::size_t i) { batch.images[i].Quantize(quantizer); });
+      for (Stored& one : batch.images) {
+        images.push_back(std::move(one.image));
+        if (images.size() == chunk) pass_on();
       }
-      if (!images.empty()) work(std::move(images));
-    });
+    }
+    if (!images.empty()) pass_on();
+    if (working.valid()) working.get();
   }
 
   bool IsSigned(Key vocabulary, const std::string& signature) override {
@@ -139,6 +132,40 @@ class SqlFeedView : public FeedView {
   }
 
  private:
+  struct Batch {
+    std::vector<Stored> images;  // of the share
+    std::int64_t last = 0;       // version
+    bool more = false;
+  };
+  Batch ReadBatch(Key vocabulary, std::int64_t after) {
+    return Read([&](Connection& db) {
+      Batch batch;
+      // Every table has its bound: PostgreSQL would read all rows before it otherwise. The share
+      // is no condition: it would sort all rows for the few that it expects.
+      const std::string share = OfShare();
+      Cursor row = db.Prepare(
+          "SELECT p.key, p.object, p.id, w.data, f.data, CASE WHEN " + share +
+          " THEN 1 ELSE 0 END FROM image_words w JOIN images p ON p.key = w.image LEFT JOIN "
+          "features f ON f.image = w.image AND f.image > ? AND " +
+          share + " WHERE w.vocabulary = ? AND w.image > ? AND p.key > ? ORDER BY w.image LIMIT ?");
+      row.Bind(after, vocabulary, after, after, kRowsAtOnce);
+      std::size_t read = 0;
+      for (; row.Next(); ++read) {
+        batch.last = row.Int(0);
+        if (row.Int(5) == 0) continue;
+        if (row.IsNull(4)) throw refusals::FeaturesMissing();
+        Stored& one = batch.images.emplace_back();
+        one.image.key = batch.last;
+        one.image.object = row.IsNull(1) ? 0 : row.Int(1);
+        one.image.id = row.Text(2);
+        one.words = row.CopyOfBlob(3);
+        one.features = row.CopyOfBlob(4);
+      }
+      batch.more = read == kRowsAtOnce;
+      return batch;
+    });
+  }
+
   // Only PostgreSQL stores have shares. The hash must never change: files of the index rely on it.
   std::string OfShare() const {
     if (share_.parts == 1) return "1 = 1";
