@@ -12,13 +12,8 @@
 namespace pliant {
 namespace {
 
-// An image with very few descriptors must not come first by one vote.
-constexpr double kLeastDescriptors = 8;
-
 // Lists are prefetched this many cells before they are read.
 constexpr std::size_t kCellsAhead = 2;
-
-double Root(double descriptors) { return std::sqrt(std::max(kLeastDescriptors, descriptors)); }
 
 }  // namespace
 
@@ -46,7 +41,7 @@ NeighbourQuery::NeighbourQuery(const ResidualCoder& coder, const Voters& voters,
   std::sort(cells_.begin(), cells_.end(), [](const Cell& a, const Cell& b) {
     return std::pair(a.word, a.row) < std::pair(b.word, b.row);
   });
-  if (most > 0) norm_ = Root(voices) / most;
+  if (most > 0) norm_ = std::sqrt(voices) / most;
   if (coder.binary()) return;
   tables_.resize(descriptors.rows);
   constexpr std::size_t kRowsATask = 64;
@@ -113,7 +108,7 @@ void NeighbourQuery::Weigh(std::span<const std::uint32_t> images_of_row,
 }
 
 double NeighbourQuery::Score(double sum, double descriptors) const {
-  return std::min(1.0, sum * norm_ / Root(descriptors));
+  return std::min(1.0, sum * norm_ / std::sqrt(descriptors));
 }
 
 void SumVotes(std::vector<Vote>* votes, std::vector<float>* sums) {

@@ -39,11 +39,15 @@ struct Voters {
   std::span<const float> weights = {};  // by row, above 0; empty: 1 each
 };
 
+// Measured with tests/bench/bench_neighbours.cc (--reach, --cells).
 struct NeighbourOptions {
   int cells = 16;      // nearest words whose lists each query descriptor scans
   float reach = 0.7F;  // a
   int threads = 1;     // 0 = all cores
   float least = 0.3F;  // b
+  // From so many words on, half of the cells find the same images in little more than half of the
+  // time (index/RANKING.md).
+  std::size_t many_words = 32'768;
 };
 
 struct Vote {

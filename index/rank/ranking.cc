@@ -27,9 +27,6 @@ struct Candidate {
   std::string_view id() const { return segment->id(position); }
 };
 
-// Fewer descriptors than this are not worth a second thread.
-constexpr std::size_t kDescriptorsForThreads = 1u << 20;
-
 // 1 - |h_q - h_d| / sqrt(2), with |h_q - h_d|^2 = h_q.h_q + h_d.h_d - 2 h_q.h_d.
 double Score(const Bow& query, double query_squares, const IndexSegment::Image& image, double dot) {
   const double query_total = query.total;
@@ -58,11 +55,6 @@ void ScorePart(const IndexSnapshot::Part& part, const Bow& query, const Admissio
     candidates->push_back({&segment, p, Score(query, squares, segment[p], dots[p])});
   }
 }
-
-// With this many words, half of the lists find the same images in little more than half of the time
-// (index/RANKING.md).
-constexpr std::size_t kManyWords = 32'768;
-constexpr int kCellsOfManyWords = 8;
 
 // The order of results: a total one, so that they do not depend on segments and threads.
 bool IsBetter(const Candidate& a, const Candidate& b) {
@@ -228,8 +220,9 @@ std::vector<std::vector<Vote>> CollectVotes(const NeighbourQuery& query,
 RankQuery NeighboursOf(Descriptors descriptors, std::vector<float> weights,
                        const Quantizer& quantizer, int threads) {
   RankQuery query;
-  const bool has_many = quantizer.vocabulary().size() >= kManyWords;
-  const int cells = has_many ? kCellsOfManyWords : NeighbourOptions().cells;
+  const NeighbourOptions options;
+  const bool has_many = quantizer.vocabulary().size() >= options.many_words;
+  const int cells = has_many ? options.cells / 2 : options.cells;
   if (descriptors.rows > 0) query.words = quantizer.NearestWords(descriptors, cells, threads);
   query.descriptors = std::move(descriptors);
   query.weights = std::move(weights);
@@ -252,9 +245,7 @@ PartRanker::PartRanker(const IndexSnapshot& snapshot, const Quantizer& quantizer
 PartRanking PartRanker::Rank(std::span<const std::uint32_t> voted, std::size_t candidates,
                              const RankOptions& options) {
   std::vector<std::vector<Candidate>> found(snapshot_.parts.size());
-  const bool is_small =
-      !neighbours_ && query_.bow.total * snapshot_.images < kDescriptorsForThreads;
-  ParallelFor(found.size(), is_small ? 1 : options.threads, [&](std::size_t i) {
+  ParallelFor(found.size(), options.threads, [&](std::size_t i) {
     if (!neighbours_) {
       return ScorePart(snapshot_.parts[i], query_.bow, options.admission, &found[i]);
     }
