@@ -213,7 +213,6 @@ std::vector<VerifiedImage> SearchRun::Verified(const Features& features, Ranking
   std::vector<VerifiedImage> hits = verifier.Verify(std::move(ranking->candidates));
   VerifyDeeper(&verifier, &hits, ranking);
   KeepExclusiveMatches(&hits);
-  DropWeakEvidence(&hits);
   SuppressNonMaxima(features, &hits);
   SortByProbability(&hits);
   std::erase_if(hits, [&](const auto& hit) { return hit.image.score < options_.min_score; });

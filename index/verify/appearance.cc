@@ -10,20 +10,15 @@
 #include <vector>
 
 #include "index/verify/colour_difference.h"
+#include "index/verify/constants.h"
 #include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
 
-constexpr int kRadius = 4;         // of a window, in pixels of the previews
-constexpr int kDisplacement = 2;   // largest, in x and in y: warps are that inexact
-constexpr int kLeastSide = 24;     // of the smaller of the compared images
-constexpr double kAgreeing = 0.7;  // correlation of what is seen again
-// Standard deviation of grey values in a window: below the first it is noise, and above the second
-// more contrast says no more.
-constexpr double kLeastContrast = 6;
-constexpr double kMostContrast = 40;
-constexpr double kNoise = 4;  // variance of grey values, at least
+constexpr int kRadius = kVerify.window_radius;
+constexpr int kDisplacement = kRadius / 2;  // largest, in x and in y: warps are that inexact
+constexpr int kLeastSide = 6 * kRadius;     // of the smaller of the compared images
 
 // A grey image whose windows are summed in constant time.
 class WindowSums {
@@ -146,7 +141,8 @@ Moments MomentsOf(const Image& image) {
     for (int x = 0; x < image.width; ++x) {
       const double mean = sums.Mean(x, y);
       moments.means.push_back(mean);
-      moments.deviations.push_back(std::sqrt(std::max(kNoise, squares.Mean(x, y) - mean * mean)));
+      moments.deviations.push_back(
+          std::sqrt(std::max(kVerify.grey_noise, squares.Mean(x, y) - mean * mean)));
     }
   }
   return moments;
@@ -226,22 +222,23 @@ std::optional<Appearance> CompareAppearance(const Features& query, const Feature
   const auto views = ViewsOf(query, reference, scale);
   if (!views) return std::nullopt;
   const auto& [photo, expected] = *views;
-  const Mesh mesh = WarpMesh(*instance.warp, reference.width, reference.height);
+  const Mesh mesh =
+      WarpMesh(*instance.warp, reference.width, reference.height, kVerify.fine_mesh_points);
   const Rectified found = Rectify(photo, query.width, query.height, mesh, expected);
   const Moments moments = MomentsOf(expected);
   const std::vector<double> correlations = Correlations(expected, moments, found.image);
   double texture = 0;
   double again = 0;
   for (std::size_t at = 0; at < correlations.size(); ++at) {
-    if (moments.deviations[at] < kLeastContrast) continue;
-    const double weight = std::min(kMostContrast, moments.deviations[at]);
+    if (moments.deviations[at] < kVerify.least_contrast) continue;
+    const double weight = std::min(kVerify.most_contrast, moments.deviations[at]);
     texture += weight;
-    if (found.visible[at] && correlations[at] > kAgreeing) again += weight;
+    if (found.visible[at] && correlations[at] > kVerify.agreeing) again += weight;
   }
   if (!(texture > 0)) return std::nullopt;
   return Appearance{
       again / texture,
-      RelativeColourDifference(query, reference, *instance.warp, seen, scale),
+      RelativeColourDifference(query, reference, mesh, seen, scale),
   };
 }
 

@@ -7,13 +7,12 @@
 #include <cstddef>
 #include <vector>
 
+#include "descriptor/warp/tps_ransac.h"
+#include "index/verify/constants.h"
 #include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
-
-constexpr std::size_t kLeast = 6;    // points
-constexpr double kAroundSeen = 1.1;  // `seen`, enlarged about its centre
 
 // Means over squares of an image.
 class Colours {
@@ -60,24 +59,16 @@ struct ColourPair {
   Vec2 reference;
 };
 
-// Where colours are compared.
-struct Sampling {
-  int points_a_side;  // of the reference's longer side
-  double radius;      // of the square around each point, as a share of that side
-};
-constexpr Sampling kCoarse{17, 1.0 / 17};
-constexpr Sampling kFine{33, 0.5 / 33};
-
-// Of the points that both images show; none if there are too few.
+// Means of squares of twice as many `spacings` around the points of the mesh that both images show;
+// none if these are fewer than a warp needs.
 std::vector<ColourPair> ColourPairs(const Features& query, const Features& reference,
-                                    const ThinPlateSpline& warp, std::span<const Vec2> seen,
-                                    double scale, Sampling sampling) {
+                                    const Mesh& mesh, std::span<const Vec2> seen, double scale,
+                                    double spacings) {
   std::vector<ColourPair> pairs;
   if (query.colours.empty() || reference.colours.empty() || seen.size() < 3) return pairs;
-  if (reference.width < 2 || reference.height < 2) return pairs;
-  const Mesh mesh = WarpMesh(warp, reference.width, reference.height, sampling.points_a_side);
-  const std::vector<Vec2> part = Enlarged(seen, kAroundSeen);
-  const double radius = sampling.radius * std::max(reference.width, reference.height);
+  const double radius =
+      spacings * std::max(reference.width, reference.height) / std::max(mesh.columns, mesh.rows);
+  const std::vector<Vec2> part = Enlarged(seen, kVerify.around_seen);
   const Colours in_query(query);
   const Colours in_reference(reference);
   for (int row = 0; row < mesh.rows; ++row) {
@@ -92,7 +83,7 @@ std::vector<ColourPair> ColourPairs(const Features& query, const Features& refer
       pairs.push_back({in_query.Around(q, radius * scale), in_reference.Around(r, radius)});
     }
   }
-  if (pairs.size() < kLeast) pairs.clear();
+  if (std::ssize(pairs) < TpsRansacOptions().min_inliers) pairs.clear();
   return pairs;
 }
 
@@ -118,35 +109,32 @@ double MeanDistance(const std::vector<ColourPair>& pairs, double gain) {
 
 // Of the chroma of the query per chroma of the reference.
 double Gain(const std::vector<ColourPair>& pairs) {
-  constexpr double kLeastVariance = 20;  // so that noise is not enlarged
   const auto n = static_cast<double>(pairs.size());
   Vec2 mean;
   for (const auto& [q, r] : pairs) mean = {mean.x + r.x / n, mean.y + r.y / n};
   double both = 0;
-  double square = kLeastVariance * n;
+  double square = n * kVerify.chroma_noise * kVerify.chroma_noise;  // noise is not enlarged
   for (const auto& [q, r] : pairs) {
     const Vec2 d{r.x - mean.x, r.y - mean.y};
     both += d.x * q.x + d.y * q.y;  // all d sum up to 0
     square += d.x * d.x + d.y * d.y;
   }
-  return std::clamp(both / square, 0.3, 1.5);
+  return std::max(kVerify.least_gain, both / square);
 }
 
 }  // namespace
 
 std::optional<double> ColourDifference(const Features& query, const Features& reference,
-                                       const ThinPlateSpline& warp, std::span<const Vec2> seen,
-                                       double scale) {
-  const auto pairs = ColourPairs(query, reference, warp, seen, scale, kCoarse);
+                                       const Mesh& mesh, std::span<const Vec2> seen, double scale) {
+  const auto pairs = ColourPairs(query, reference, mesh, seen, scale, 1);
   if (pairs.empty()) return std::nullopt;
   return MeanDistance(pairs, 1);
 }
 
 std::optional<double> RelativeColourDifference(const Features& query, const Features& reference,
-                                               const ThinPlateSpline& warp,
-                                               std::span<const Vec2> seen, double scale) {
-  constexpr double kFaint = 5;  // mean strength of colours that say little
-  const auto pairs = ColourPairs(query, reference, warp, seen, scale, kFine);
+                                               const Mesh& mesh, std::span<const Vec2> seen,
+                                               double scale) {
+  const auto pairs = ColourPairs(query, reference, mesh, seen, scale, 0.5);
   if (pairs.empty()) return std::nullopt;
   const double gain = Gain(pairs);
   double strength = 0;
@@ -154,7 +142,7 @@ std::optional<double> RelativeColourDifference(const Features& query, const Feat
     strength += std::hypot(pair.reference.x - 128, pair.reference.y - 128);
   }
   strength /= static_cast<double>(pairs.size());
-  return MeanDistance(pairs, gain) / (kFaint + gain * strength);
+  return MeanDistance(pairs, gain) / (kVerify.chroma_noise + gain * strength);
 }
 
 }  // namespace pliant

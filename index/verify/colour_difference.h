@@ -7,23 +7,22 @@
 #include <span>
 
 #include "descriptor/features/features.h"
-#include "descriptor/warp/tps.h"
+#include "index/records/explanation.h"
 
 namespace pliant {
 
 // Mean distance of the chroma (CIELAB's a* and b*) between points of the reference inside `seen`
-// (convex, the part that the query shows) and their positions in the query by `warp` (reference ->
-// query, pixels). The median difference, which comes from the light, is subtracted. `scale`: query
-// pixels per reference pixel. nullopt if an image has no colours, or too few points are visible.
+// (convex, the part that the query shows) and their positions in the query by `mesh` (WarpMesh).
+// The median difference, which comes from the light, is subtracted. `scale`: query pixels per
+// reference pixel. nullopt if an image has no colours, or too few points are visible.
 std::optional<double> ColourDifference(const Features& query, const Features& reference,
-                                       const ThinPlateSpline& warp, std::span<const Vec2> seen,
-                                       double scale);
+                                       const Mesh& mesh, std::span<const Vec2> seen, double scale);
 
-// The same from four times as many points, relative to the reference's colours. They are faded
-// first as those of the query are: by the least squares gain g, 0.3 to 1.5. The mean distance is
-// divided by 5 + g times the mean strength of the reference's colours.
+// The same relative to the reference's colours. They are faded first as those of the query are: by
+// the least squares gain g, 0.3 or more. The mean distance is divided by 4 + g times the mean
+// strength of the reference's colours.
 std::optional<double> RelativeColourDifference(const Features& query, const Features& reference,
-                                               const ThinPlateSpline& warp,
-                                               std::span<const Vec2> seen, double scale);
+                                               const Mesh& mesh, std::span<const Vec2> seen,
+                                               double scale);
 
 }  // namespace pliant

@@ -6,39 +6,39 @@
 #include <cmath>
 #include <limits>
 
+#include "descriptor/features/keypoints.h"
+
 namespace pliant {
 
 double InliersByChance(std::size_t query_keypoints, double distinctness, double agreeing) {
-  const JudgementConstants& k = kJudgement;
-  const double octaves = std::log2(static_cast<double>(query_keypoints) / k.usual_keypoints);
+  const VerifyConstants& k = kVerify;
+  const double octaves = std::log2(2.0 * static_cast<double>(query_keypoints) / kMaxKeypoints);
   const double usual = k.inliers_by_chance + k.more_an_octave * std::clamp(octaves, 0.0, 1.0);
-  const double alike = std::max(0.0, k.usual_distinctness - distinctness);
+  const double alike = std::max(0.0, 1 - distinctness);
   const double growth = std::exp(k.growth * alike * (1 / (agreeing * agreeing) - 1));
   return usual * std::min(k.most_growth, growth);
 }
 
-double Evidence(double effective_inliers, double by_chance) {
-  return effective_inliers <= 0
-             ? 0
-             : std::max(kJudgement.least_evidence, effective_inliers - by_chance);
+double Evidence(double effective_inliers, double by_chance, double share) {
+  const double evidence = std::max(0.0, effective_inliers - by_chance) * std::sqrt(share);
+  return evidence >= kVerify.least_evidence ? evidence : 0;
 }
 
 double LiftScore(double ranking_score, double evidence) {
   constexpr double kLeast = 1e-6;  // inliers can lift even the lowest score
   if (evidence <= 0) return ranking_score;
-  const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, kJudgement.power);
+  const double lifted = std::max(kLeast, ranking_score) * std::pow(1 + evidence, kVerify.power);
   return lifted / (lifted + 1 - std::min(1 - kLeast, ranking_score));
 }
 
 double Probability(double ranking_score, double evidence) {
-  const double proof = evidence > kJudgement.least_evidence ? evidence : 0;
-  const double score = LiftScore(std::min(ranking_score, kJudgement.most_of_ranking), proof);
-  return kJudgement.odds * score / (kJudgement.odds * score + 1 - score);
+  const double score = LiftScore(std::min(ranking_score, kVerify.most_of_ranking), evidence);
+  return kVerify.odds * score / (kVerify.odds * score + 1 - score);
 }
 
 double Likeness(const std::optional<Appearance>& appearance, double effective_inliers) {
   if (!appearance) return std::numeric_limits<double>::infinity();
-  const JudgementConstants& k = kJudgement;
+  const VerifyConstants& k = kVerify;
   return k.per_seen_again * appearance->seen_again -
          k.per_colour_difference *
              appearance->colour_difference.value_or(k.usual_colour_difference) +
@@ -46,15 +46,13 @@ double Likeness(const std::optional<Appearance>& appearance, double effective_in
 }
 
 double SameObject(double likeness, bool has_siblings) {
-  const JudgementConstants& k = kJudgement;
-  const double siblings = has_siblings ? k.siblings : k.lone_siblings;
-  const double same = 1 / (1 + siblings * std::exp(k.half_of_siblings - likeness));
-  return std::min(1.0, same / k.usually_same);
+  const double siblings = has_siblings ? 1 : kVerify.lone_siblings;
+  const double same = 1 / (1 + siblings * std::exp(-likeness));
+  return std::min(1.0, same / kVerify.usually_same);
 }
 
 double Rounded(double probability) {
-  const double steps = kJudgement.steps;
-  return std::clamp(std::round(probability * steps), 1.0, steps - 1) / steps;
+  return std::clamp(std::round(100 * probability), 1.0, 99.0) / 100;
 }
 
 }  // namespace pliant

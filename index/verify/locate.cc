@@ -14,9 +14,6 @@
 namespace pliant {
 namespace {
 
-// A point of the mesh is held by an inlier that is nearer than this share of the longer side.
-constexpr double kReach = 0.1;
-
 struct Reason {
   LostReason reason;
   const char* word;
@@ -46,19 +43,14 @@ double Area(const std::vector<Vec2>& polygon) {
   return std::abs(twice) / 2;
 }
 
-// The share of the mesh's points near inliers where the warp mirrors or stretches too much (see
-// WarpMesh). Elsewhere the spline extrapolates, and the mesh says where.
-double FoldedShare(const Mesh& mesh, const std::vector<Vec2>& inliers) {
-  const double reach = kReach * std::max(mesh.reference_width, mesh.reference_height);
+// The share of the mesh's points in the hull of the inliers where the warp mirrors or stretches too
+// much (see WarpMesh). Elsewhere the spline extrapolates, and the mesh says where.
+double FoldedShare(const Mesh& mesh, const std::vector<Vec2>& hull) {
   int held = 0;
   int folded = 0;
   for (int r = 0; r < mesh.rows; ++r) {
     for (int c = 0; c < mesh.columns; ++c) {
-      const Vec2 p = mesh.reference_point(c, r);
-      const bool near = std::any_of(inliers.begin(), inliers.end(), [&](Vec2 q) {
-        return std::hypot(p.x - q.x, p.y - q.y) <= reach;
-      });
-      if (!near) continue;
+      if (!IsInside(mesh.reference_point(c, r), hull)) continue;
       ++held;
       folded += mesh.trusted[static_cast<std::size_t>(r) * mesh.columns + c] ? 0 : 1;
     }
@@ -71,10 +63,10 @@ LostReason Judge(const Features& object, const VerificationResult& result, const
   if (result.inliers.size() < static_cast<std::size_t>(options.min_inliers)) {
     return LostReason::kFewInliers;
   }
-  const auto inliers = PointsOf(object.keypoints, result.inliers, &MatchedPair::reference);
+  const auto hull = ConvexHull(PointsOf(object.keypoints, result.inliers, &MatchedPair::reference));
   const double whole = static_cast<double>(object.width) * object.height;
-  if (Area(ConvexHull(inliers)) < options.min_patch * whole) return LostReason::kSmallPatch;
-  if (FoldedShare(mesh, inliers) > options.max_folded) return LostReason::kFolded;
+  if (Area(hull) < options.min_patch * whole) return LostReason::kSmallPatch;
+  if (FoldedShare(mesh, hull) > options.max_folded) return LostReason::kFolded;
   return LostReason::kNone;
 }
 

@@ -21,7 +21,7 @@ struct LocateOptions {
   int min_inliers = 8;  // different objects have up to seven by chance
   // Smallest share of the object's area inside the inliers' convex hull.
   double min_patch = 0.02;
-  // Largest share of the mesh near inliers that mirrors or tears (real folds do).
+  // Largest share of the mesh among the inliers that mirrors or tears (real folds do).
   double max_folded = 0.15;
 };
 

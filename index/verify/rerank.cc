@@ -18,8 +18,7 @@ namespace {
 
 // Fitted to real packages and banknotes. Only the ratio to other images' factors matters.
 float ColourFactor(const std::optional<double>& difference) {
-  constexpr double kNoise = 4;  // below this, differences say little
-  return difference ? static_cast<float>(std::sqrt(kNoise + *difference)) : 0.0F;
+  return difference ? static_cast<float>(std::sqrt(kVerify.chroma_noise + *difference)) : 0.0F;
 }
 
 void AddInstance(const FoundInstance& found, VerifiedImage* image) {
@@ -31,6 +30,8 @@ void AddInstance(const FoundInstance& found, VerifiedImage* image) {
     image->matches.push_back({found.inliers[i].query, found.distances[i], factor});
   }
 }
+
+bool HasEvidence(const VerifiedImage& image) { return image.evidence > 0; }
 
 void Compare(const Features& query, const Features& reference, const VerificationResult& result,
              VerifiedImage* image) {
@@ -48,8 +49,8 @@ void Compare(const Features& query, const Features& reference, const Verificatio
 }  // namespace
 
 std::size_t DefaultVerifyDepth(std::size_t images) {
-  constexpr std::size_t kLeast = 100;
-  return std::max(kLeast, static_cast<std::size_t>(std::sqrt(static_cast<double>(images))));
+  return std::max(kVerify.least_depth,
+                  static_cast<std::size_t>(std::sqrt(static_cast<double>(images))));
 }
 
 std::vector<VerifiedImage> Rerank(
@@ -80,40 +81,25 @@ std::vector<VerifiedImage> Rerank(
         InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing);
     candidate.evidence = Evidence(result.effective_inliers, candidate.by_chance);
     candidate.image.score = LiftScore(candidate.ranking_score, candidate.evidence);
-    if (HasStrongEvidence(candidate)) Compare(query, *features, result, &candidate);
+    if (HasEvidence(candidate)) Compare(query, *features, result, &candidate);
   });
   return images;
 }
 
-bool HasStrongEvidence(const VerifiedImage& image) {
-  constexpr double kDecided = 1;
-  return image.evidence >= kDecided;
-}
-
 bool IsDecided(const std::vector<VerifiedImage>& images) {
-  return std::ranges::any_of(images, HasStrongEvidence);
+  return std::ranges::any_of(images, HasEvidence);
 }
 
 bool IsEnough(const std::vector<VerifiedImage>& verified) {
-  const auto last = std::find_if(verified.rbegin(), verified.rend(), HasStrongEvidence);
+  const auto last = std::find_if(verified.rbegin(), verified.rend(), HasEvidence);
   return last != verified.rend() && 2 * (verified.rend() - last) <= std::ssize(verified);
 }
 
-void DropWeakEvidence(std::vector<VerifiedImage>* images) {
-  if (!IsDecided(*images)) return;
-  for (VerifiedImage& image : *images) {
-    if (HasStrongEvidence(image)) continue;
-    image.evidence = 0;
-    image.image.score = image.ranking_score;
-  }
-}
-
 NearestMatches::Distances NearestMatches::Of(const QueryMatch& match) {
-  // Above 0, so that colours also tell apart what is identical in grey.
-  constexpr float kLeast = 0.05F;
   return {.plain = match.distance,
-          .with_colours = match.colour_factor > 0 ? (kLeast + match.distance) * match.colour_factor
-                                                  : std::numeric_limits<float>::infinity()};
+          .with_colours = match.colour_factor > 0
+                              ? (kVerify.least_distance + match.distance) * match.colour_factor
+                              : std::numeric_limits<float>::infinity()};
 }
 
 NearestMatches::NearestMatches(const std::vector<VerifiedImage>& images) {
@@ -130,15 +116,13 @@ NearestMatches::NearestMatches(const std::vector<VerifiedImage>& images) {
 }
 
 bool NearestMatches::Keeps(std::int64_t object, const QueryMatch& match) const {
-  // Distances differ by more from one compression of an image to another.
-  constexpr float kAsNear = 1.03F;
   const auto& objects = nearest_.at(match.keypoint);
   const Distances own = objects.at(object);
   return std::all_of(objects.begin(), objects.end(), [&](const auto& entry) {
     const Distances& other = entry.second;
     const bool both = std::isfinite(own.with_colours) && std::isfinite(other.with_colours);
-    return both ? own.with_colours <= kAsNear * other.with_colours
-                : own.plain <= kAsNear * other.plain;
+    return both ? own.with_colours <= kVerify.as_near * other.with_colours
+                : own.plain <= kVerify.as_near * other.plain;
   });
 }
 
@@ -150,7 +134,7 @@ void KeepExclusiveMatches(std::vector<VerifiedImage>* images) {
     const auto kept = std::ranges::count_if(
         image.matches, [&](const QueryMatch& match) { return nearest.Keeps(object, match); });
     const double share = static_cast<double>(kept) / static_cast<double>(image.matches.size());
-    image.evidence = Evidence(image.effective_inliers(), image.by_chance) * std::sqrt(share);
+    image.evidence = Evidence(image.effective_inliers(), image.by_chance, share);
     image.image.score = LiftScore(image.ranking_score, image.evidence);
   }
 }

@@ -31,11 +31,11 @@ struct VerifiedImage {
   std::vector<Instance> instances = {};        // as in Hit
   std::vector<Explanation> explanations = {};  // as `instances`, or one; when asked for
   double ranking_score = 0;
-  std::vector<double> likeness = {};                // as `instances`; empty without strong evidence
-  double by_chance = kJudgement.inliers_by_chance;  // InliersByChance of the pair
-  double probability = 0;                           // that the hit is correct (SuppressNonMaxima)
-  double evidence = 0;                              // of the inliers
-  std::vector<QueryMatch> matches = {};             // of the inliers of all instances
+  std::vector<double> likeness = {};             // as `instances`; empty without evidence
+  double by_chance = kVerify.inliers_by_chance;  // InliersByChance of the pair
+  double probability = 0;                        // that the hit is correct (SuppressNonMaxima)
+  double evidence = 0;                           // of the inliers
+  std::vector<QueryMatch> matches = {};          // of the inliers of all instances
 
   int inliers() const { return instances.empty() ? 0 : instances.front().inliers; }
   double effective_inliers() const { return instances.empty() ? 0 : instances.front().independent; }
@@ -59,20 +59,13 @@ std::vector<VerifiedImage> Rerank(
     const Features& query, std::vector<RankedImage> ranking, const RerankOptions& options,
     const std::function<std::optional<Features>(std::int64_t version)>& load);
 
-// Whether the image, or one of them, has evidence of 1 or more (5.5 effective inliers), as hardly
-// any wrong one has.
-bool HasStrongEvidence(const VerifiedImage& image);
+// Whether one of the images has evidence, as hardly any wrong one has.
 bool IsDecided(const std::vector<VerifiedImage>& images);
 
 // Whether the verified images, in the ranking's order, reach twice as far as the last one with
-// strong evidence: correct images, or those of another object in the query, are hardly ever further
+// evidence: correct images, or those of another object in the query, are hardly ever further
 // down.
 bool IsEnough(const std::vector<VerifiedImage>& verified);
-
-// In a decided search, images without strong evidence get the ranking's score back: nearly all of
-// them are wrong, and chance matches do not order them better. In an undecided search a few inliers
-// count.
-void DropWeakEvidence(std::vector<VerifiedImage>* images);
 
 // Which objects match the keypoints of the query, and how near they are.
 class NearestMatches {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -15,14 +14,6 @@
 
 namespace pliant {
 namespace {
-
-// Evidence of a sibling, before the exclusive assignment of matches.
-constexpr double kSiblings = 1;
-// Less probable images do not compete.
-constexpr double kLeastProbability = 0.05;
-// The odds of overlapping objects differ by more than their evidence says: both match their common
-// part. Fitted to real packages and banknotes.
-constexpr double kSharpness = 3;
 
 struct Box {
   Vec2 low, high;
@@ -49,8 +40,7 @@ struct Detection {
   Box box;                   // of the outline
   std::size_t kept = 0;      // matches that the object keeps
   double odds = 0;           // of what is seen here alone
-  double likeness = 0;       // infinite if unknown
-  bool competes = true;
+  double likeness = 0;       // as VerifiedImage::likeness
 };
 
 double Odds(double probability) { return probability / std::max(1e-12, 1 - probability); }
@@ -64,9 +54,7 @@ std::vector<Detection> DetectionsIn(const Features& query,
   for (std::size_t i = 0; i < images.size(); ++i) {
     const VerifiedImage& image = images[i];
     const std::int64_t object = image.image.object;
-    const bool resembles = Evidence(image.effective_inliers(), image.by_chance) >= kSiblings;
-    const bool competes = image.probability >= kLeastProbability;
-    if (object == 0 || !(competes || resembles)) continue;
+    if (object == 0 || image.likeness.empty()) continue;
     std::size_t begin = 0;
     for (std::size_t k = 0; k < image.instances.size(); ++k) {
       const Instance& instance = image.instances[k];
@@ -84,16 +72,15 @@ std::vector<Detection> DetectionsIn(const Features& query,
       if (outline.empty() || points.empty()) continue;
       const double share = static_cast<double>(kept) / static_cast<double>(points.size());
       // Of rivals, not against chance: so both have the same inliers by chance.
-      const double evidence = Evidence(instance.independent, by_chance) * std::sqrt(share);
-      const double likeness =
-          image.likeness.empty() ? std::numeric_limits<double>::infinity() : image.likeness[k];
-      const double same = std::min(SameObject(likeness, true), kJudgement.usually_same);
+      const double evidence = Evidence(instance.independent, by_chance, share);
+      const double likeness = image.likeness[k];
+      const double same = std::min(SameObject(likeness, true), kVerify.usually_same);
       // Sharpened later (Doubt), which the odds of siblings are not.
-      const double odds =
-          Odds(LiftScore(image.ranking_score, evidence)) * std::pow(Odds(same), 1 / kSharpness);
+      const double odds = Odds(LiftScore(image.ranking_score, evidence)) *
+                          std::pow(Odds(same), 1 / kVerify.sharpness);
       const Box box(outline);
-      detections.push_back({i, k, object, std::move(outline), std::move(points), box, kept, odds,
-                            likeness, competes});
+      detections.push_back(
+          {i, k, object, std::move(outline), std::move(points), box, kept, odds, likeness});
     }
   }
   return detections;
@@ -105,7 +92,7 @@ bool Overlap(const Detection& a, const Detection& b) {
 
 // How many times more probable another object is there.
 double Doubt(double others_odds, double odds) {
-  return std::pow(others_odds / std::max(1e-12, odds), kSharpness);
+  return std::pow(others_odds / std::max(1e-12, odds), kVerify.sharpness);
 }
 
 // What overlapping detections of other objects do to one.
@@ -121,7 +108,6 @@ Competition CompetitionOf(const Detection& own, const std::vector<Detection>& de
   for (const Detection& other : detections) {
     if (other.object == own.object || other.kept == own.kept || !Overlap(own, other)) continue;
     competition.has_siblings = true;
-    if (!other.competes) continue;
     double& doubt = doubts[other.object];
     doubt = std::max(doubt, Doubt(other.odds, own.odds));
     competition.is_suppressed |= other.kept > own.kept;

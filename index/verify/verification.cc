@@ -14,17 +14,11 @@
 #include "descriptor/base/error.h"
 #include "descriptor/match/distance.h"
 #include "index/verify/colour_difference.h"
+#include "index/verify/constants.h"
 #include "index/verify/warp_geometry.h"
 
 namespace pliant {
 namespace {
-
-constexpr int kOutlinePointsASide = 8;
-constexpr double kMaxFrameScaleFactor = 4;
-// Inliers nearer than this count as one: in the query as a multiple of the warp's tolerance, in the
-// reference as a share of its longer side.
-constexpr double kPlaceInTolerances = 1.5;
-constexpr double kPlaceInReference = 0.02;
 
 void Check(const Features& features, const char* what) {
   CheckDescriptors(features.descriptors, what);
@@ -58,10 +52,8 @@ DescriptorSpread SpreadOf(const Descriptors& descriptors) {
   return spread;
 }
 
-// The median distance to the nearest of 512 unrelated descriptors, divided by the root mean square
-// distance of any two: medians over photos of labels. Hand-crafted descriptors have less variety.
-double UsualDistinctness(const std::string& model_id) {
-  return model_id.starts_with("deal") ? 0.72 : 0.635;
+double UsualDistance(const std::string& model_id) {
+  return model_id.starts_with("deal") ? kVerify.usual_distance_of_deal : kVerify.usual_distance;
 }
 
 // The mean squared distance of a descriptor of one side to a descriptor of the other.
@@ -202,7 +194,7 @@ void Verifier::MeasureChance(const Features& reference, const std::vector<Match>
     const double nearest = Median(std::move(distances));
     const bool is_squared = query_.descriptors.kind == DescriptorKind::kBinary;
     result->distinctness = std::sqrt((is_squared ? nearest : nearest * nearest) / any) /
-                           UsualDistinctness(query_.model_id);
+                           UsualDistance(query_.model_id);
   }
   const auto hull = ConvexHull(PointsOf(query_.keypoints, result->inliers, &MatchedPair::query));
   const auto contradicting = std::ranges::count_if(mutual, [&](const Match& match) {
@@ -234,12 +226,15 @@ FoundInstance Verifier::InstanceOf(const Features& reference, const std::vector<
   const int height = reference.height;
   const auto seen = PointsOf(reference.keypoints, found.inliers, &MatchedPair::reference);
   const double scale = MedianScale(warp, seen);
-  found.effective_inliers = EffectiveInliers(
-      query_, reference, found.inliers, kPlaceInTolerances * ToleranceAt(ransac, scale * scale),
-      kPlaceInReference * std::max(width, height));
-  found.colour_difference = ColourDifference(query_, reference, warp, ConvexHull(seen), scale);
-  if (MapsFrameSanely(warp, width, height, scale, kMaxFrameScaleFactor)) {
-    found.outline = WarpFrame(warp, width, height, kOutlinePointsASide);
+  found.effective_inliers =
+      EffectiveInliers(query_, reference, found.inliers,
+                       kVerify.place_in_tolerances * ToleranceAt(ransac, scale * scale),
+                       kVerify.place_in_reference * std::max(width, height));
+  if (width > 1 && height > 1) {
+    const Mesh mesh = WarpMesh(warp, width, height);
+    found.colour_difference = ColourDifference(query_, reference, mesh, ConvexHull(seen), scale);
+    const bool is_sane = std::ranges::count(mesh.trusted, false) == 0;
+    if (is_sane) found.outline = WarpFrame(warp, width, height);
   }
   if (found.outline.empty() || CrossesItself(found.outline)) {
     found.outline = ConvexHull(PointsOf(query_.keypoints, found.inliers, &MatchedPair::query));

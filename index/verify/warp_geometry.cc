@@ -8,13 +8,13 @@
 #include <string>
 
 #include "descriptor/base/error.h"
+#include "index/verify/constants.h"
 
 namespace pliant {
 namespace {
 
-constexpr int kGrid = 8;
+constexpr int kOutlinePointsASide = 8;
 constexpr int kMostPointsASide = 256;
-constexpr double kMaxScaleFactor = 4;  // of a trusted point's scale against the mesh's median
 
 bool Touch(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
   const double abc = Cross(a, b, c);
@@ -111,32 +111,18 @@ double LocalScale(const ThinPlateSpline& warp, Vec2 p) {
   return determinant > 0 ? std::sqrt(determinant) : -1;
 }
 
-std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height, int points_a_side) {
+std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height) {
   const Vec2 corners[] = {{0, 0}, {width - 1.0, 0}, {width - 1.0, height - 1.0}, {0, height - 1.0}};
   std::vector<Vec2> outline;
   for (int side = 0; side < 4; ++side) {
     const Vec2 a = corners[side];
     const Vec2 b = corners[(side + 1) % 4];
-    for (int k = 0; k < points_a_side; ++k) {
-      const double t = static_cast<double>(k) / points_a_side;
+    for (int k = 0; k < kOutlinePointsASide; ++k) {
+      const double t = static_cast<double>(k) / kOutlinePointsASide;
       outline.push_back(warp({a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)}));
     }
   }
   return outline;
-}
-
-bool MapsFrameSanely(const ThinPlateSpline& warp, int width, int height, double scale,
-                     double max_factor) {
-  for (int r = 0; r <= kGrid; ++r) {
-    for (int c = 0; c <= kGrid; ++c) {
-      const Vec2 p{(width - 1.0) * c / kGrid, (height - 1.0) * r / kGrid};
-      const double local = LocalScale(warp, p);
-      if (!(local > 0)) return false;
-      const double factor = local / scale;
-      if (factor > max_factor || factor * max_factor < 1) return false;
-    }
-  }
-  return true;
 }
 
 Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
@@ -174,8 +160,8 @@ Mesh WarpMesh(const ThinPlateSpline& query_from_reference, int reference_width,
   std::erase_if(positive, [](double scale) { return !(scale > 0); });
   const double median = positive.empty() ? 0 : Median(std::move(positive));
   for (const double scale : scales) {
-    mesh.trusted.push_back(scale > 0 && scale <= median * kMaxScaleFactor &&
-                           scale * kMaxScaleFactor >= median);
+    mesh.trusted.push_back(scale > 0 && scale <= median * kVerify.max_scale_factor &&
+                           scale * kVerify.max_scale_factor >= median);
   }
   return mesh;
 }

@@ -41,13 +41,8 @@ double Median(std::vector<double> values);
 // sqrt of the Jacobian's determinant: query pixels per reference pixel; -1 where the warp mirrors.
 double LocalScale(const ThinPlateSpline& warp, Vec2 p);
 
-// The frame of a width x height image through the warp, `points_a_side` points per side.
-std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height, int points_a_side);
-
-// Whether the warp keeps its orientation along the frame and on a grid inside, and its local scale
-// there within `max_factor` of `scale` (query pixels per reference pixel).
-bool MapsFrameSanely(const ThinPlateSpline& warp, int width, int height, double scale,
-                     double max_factor);
+// The frame of a width x height image through the warp, 8 points per side.
+std::vector<Vec2> WarpFrame(const ThinPlateSpline& warp, int width, int height);
 
 // The map reference -> query as a mesh, for programs without splines. It has `longer_side` points
 // along the reference's longer side. Along the shorter side it has at least 2, so that the cells

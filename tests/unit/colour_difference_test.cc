@@ -8,6 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "index/verify/warp_geometry.h"
+
 namespace pliant {
 namespace {
 
@@ -43,10 +45,14 @@ ThinPlateSpline Warp(double scale, Vec2 by) {
   return ThinPlateSpline::Fit(from, to);
 }
 
+Mesh MeshOf(const Features& reference, double scale, Vec2 by) {
+  return WarpMesh(Warp(scale, by), reference.width, reference.height);
+}
+
 std::optional<double> Difference(const Features& query, const Features& reference, double scale = 1,
                                  Vec2 by = {}) {
   const std::vector<Vec2> seen = {{10, 10}, {310, 10}, {310, 310}, {10, 310}};
-  return ColourDifference(query, reference, Warp(scale, by), seen, scale);
+  return ColourDifference(query, reference, MeshOf(reference, scale, by), seen, scale);
 }
 
 TEST(ColourDifference, IsNoneOfTheSame) {
@@ -87,13 +93,15 @@ TEST(ColourDifference, LooksOnlyAtWhatIsSeen) {
   const Features query = Painted(half);
   const Features reference = Painted(RedAndBlue);
   const std::vector<Vec2> left = {{10, 10}, {90, 10}, {90, 310}, {10, 310}};
-  EXPECT_NEAR(ColourDifference(query, reference, Warp(1, {}), left, 1).value(), 0, 0.01);
+  EXPECT_NEAR(ColourDifference(query, reference, MeshOf(reference, 1, {}), left, 1).value(), 0,
+              0.01);
   EXPECT_GT(Difference(query, reference).value(), 30);
 }
 
 std::optional<double> Relative(const Paint& query, const Paint& reference) {
   const std::vector<Vec2> seen = {{10, 10}, {310, 10}, {310, 310}, {10, 310}};
-  return RelativeColourDifference(Painted(query), Painted(reference), Warp(1, {}), seen, 1);
+  const Features image = Painted(reference);
+  return RelativeColourDifference(Painted(query), image, MeshOf(image, 1, {}), seen, 1);
 }
 
 TEST(ColourDifference, RelativeToTheColoursIsNotTheFading) {
@@ -115,7 +123,7 @@ TEST(ColourDifference, IsUnknownWithoutColours) {
   EXPECT_FALSE(Difference(grey, image));
   EXPECT_FALSE(Difference(image, grey));
   EXPECT_FALSE(Difference(image, image, 1, {1000, 0})) << "outside of the query";
-  EXPECT_FALSE(ColourDifference(image, image, Warp(1, {}), {}, 1));
+  EXPECT_FALSE(ColourDifference(image, image, MeshOf(image, 1, {}), {}, 1));
 }
 
 TEST(ColourDifference, StaysWithinTheImage) {

@@ -59,29 +59,6 @@ TEST(KeepExclusiveMatches, WhatNoOtherObjectMatchesStays) {
   EXPECT_DOUBLE_EQ(images[1].image.score, second);
 }
 
-TEST(DropWeakEvidence, FewInliersCountWhereNothingIsDecided) {
-  std::vector<VerifiedImage> undecided = {Matching(1, 0, 5, 0.5F), Matching(2, 5, 6, 0.5F)};
-  undecided[1].instances.front().independent = 5.25;  // some of the six are in one place
-  undecided[1].evidence = Evidence(5.25);
-  EXPECT_FALSE(IsDecided(undecided));
-  DropWeakEvidence(&undecided);
-  EXPECT_DOUBLE_EQ(undecided[0].evidence, 0.5);
-  EXPECT_DOUBLE_EQ(undecided[1].evidence, 0.75);
-  EXPECT_GT(undecided[0].image.score, kRanked);
-
-  std::vector<VerifiedImage> decided = {Matching(1, 0, 5, 0.5F), Matching(2, 5, 6, 0.5F),
-                                        Matching(3, 20, 7, 0.5F)};
-  EXPECT_TRUE(IsDecided(decided));
-  const double second = decided[1].image.score;
-  const double third = decided[2].image.score;
-  DropWeakEvidence(&decided);
-  EXPECT_EQ(decided[0].evidence, 0);
-  EXPECT_EQ(decided[0].image.score, kRanked);
-  EXPECT_EQ(decided[0].inliers(), 5) << "they are still shown";
-  EXPECT_EQ(decided[1].image.score, second);
-  EXPECT_EQ(decided[2].image.score, third);
-}
-
 TEST(KeepExclusiveMatches, ImagesOfOneObjectShare) {
   std::vector<VerifiedImage> images = {Matching(1, 0, 30, 0.5F), Matching(1, 0, 30, 0.7F)};
   KeepExclusiveMatches(&images);

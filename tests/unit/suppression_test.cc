@@ -4,6 +4,7 @@
 #include "index/verify/suppression.h"
 
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -36,6 +37,7 @@ void See(VerifiedImage* image, std::uint32_t first, std::uint32_t count, float d
       {.inliers = static_cast<int>(count),
        .independent = static_cast<double>(count),
        .polygon = {{left, y - 9}, {left + width, y - 9}, {left + width, y + 9}, {left, y + 9}}});
+  image->likeness.push_back(std::numeric_limits<double>::infinity());
   for (std::uint32_t i = 0; i < count; ++i) image->matches.push_back({first + i, distance});
 }
 
@@ -43,9 +45,9 @@ void See(VerifiedImage* image, std::uint32_t first, std::uint32_t count, float d
 VerifiedImage Scored(const std::string& id, std::int64_t object, double score) {
   VerifiedImage image;
   image.image = {{1, id, 1}, object, score};
-  image.ranking_score = kNoResemblance;
-  const double lift = score / (1 - score) * (1 - kNoResemblance) / kNoResemblance;
-  image.evidence = std::pow(lift, 1 / kJudgement.power) - 1;
+  image.ranking_score = kVerify.no_resemblance;
+  const double lift = score / (1 - score) * (1 - kVerify.no_resemblance) / kVerify.no_resemblance;
+  image.evidence = std::pow(lift, 1 / kVerify.power) - 1;
   return image;
 }
 
@@ -60,7 +62,7 @@ VerifiedImage Seen(std::int64_t object, double score, std::uint32_t first, std::
 }
 
 double Odds(int inliers, double share) {
-  const double p = Probability(kNoResemblance, Evidence(inliers) * std::sqrt(share));
+  const double p = Probability(kVerify.no_resemblance, Evidence(inliers) * std::sqrt(share));
   return p / (1 - p);
 }
 
