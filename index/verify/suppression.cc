@@ -116,9 +116,9 @@ Competition CompetitionOf(const Detection& own, const std::vector<Detection>& de
   return competition;
 }
 
-// An image without inliers has no place of its own, so the most probable one is its rival wherever
-// that is.
-void SuppressWithoutInstances(std::vector<VerifiedImage>* images) {
+// An image without evidence has no place of its own, so the most probable one is its rival wherever
+// that is, even if it turns out to be a sibling of what is seen there.
+void SuppressWithoutEvidence(std::vector<VerifiedImage>* images) {
   double most = 0;
   for (const VerifiedImage& image : *images) most = std::max(most, image.probability);
   for (VerifiedImage& image : *images) {
@@ -146,6 +146,7 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
   for (VerifiedImage& image : *images) {
     image.probability = Probability(image.ranking_score, image.evidence);
   }
+  SuppressWithoutEvidence(images);
   const std::vector<Detection> detections = DetectionsIn(query, *images);
   std::vector<std::optional<double>> shares(images->size());
   std::vector<std::vector<std::size_t>> lost(images->size());  // instances
@@ -157,12 +158,8 @@ void SuppressNonMaxima(const Features& query, std::vector<VerifiedImage>* images
     if (competition.is_suppressed) lost[detection.image].push_back(detection.instance);
   }
   for (std::size_t i = 0; i < images->size(); ++i) {
-    (*images)[i].probability *= shares[i].value_or(1);
-  }
-  SuppressWithoutInstances(images);
-  for (std::size_t i = 0; i < images->size(); ++i) {
     VerifiedImage& image = (*images)[i];
-    image.probability = Rounded(image.probability);
+    image.probability = Rounded(image.probability * shares[i].value_or(1));
     Drop(lost[i], &image);
   }
 }

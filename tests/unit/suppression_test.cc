@@ -180,6 +180,15 @@ TEST(SuppressNonMaxima, ImagesOfOneObjectAndUnnamedOnesMayShowTheSame) {
   }
 }
 
+TEST(SuppressNonMaxima, AnImageWithoutEvidenceDoesNotComeBeforeASibling) {
+  std::vector<VerifiedImage> images = {Seen(1, 0.99, 0, 50, 0.3F), Scored("b", 2, 0.002)};
+  images[0].likeness = {-6};
+  images[1].evidence = 0;
+  SuppressNonMaxima(Query(), &images);
+  EXPECT_LT(images[0].probability, 0.05);
+  EXPECT_LT(images[1].probability, images[0].probability);
+}
+
 TEST(SuppressNonMaxima, WithoutInstancesThereIsNothingToSettle) {
   std::vector<VerifiedImage> images(2);
   images[0] = Scored("a", 1, 0.9);
