@@ -19,7 +19,9 @@ constexpr std::size_t kCellsAhead = 2;
 
 NeighbourQuery::NeighbourQuery(const ResidualCoder& coder, const Voters& voters,
                                std::span<const NearWord> words, const NeighbourOptions& options)
-    : voters_(voters), bias_step_(coder.bias_step()) {
+    : voters_(voters),
+      bias_step_(coder.bias_step()),
+      least_descriptors_(options.least_descriptors) {
   const Descriptors& descriptors = voters.descriptors;
   if (descriptors.rows == 0) return;
   const std::size_t cells_per_row = words.size() / descriptors.rows;
@@ -41,7 +43,7 @@ NeighbourQuery::NeighbourQuery(const ResidualCoder& coder, const Voters& voters,
   std::sort(cells_.begin(), cells_.end(), [](const Cell& a, const Cell& b) {
     return std::pair(a.word, a.row) < std::pair(b.word, b.row);
   });
-  if (most > 0) norm_ = std::sqrt(voices) / most;
+  if (most > 0) norm_ = Root(voices) / most;
   if (coder.binary()) return;
   tables_.resize(descriptors.rows);
   constexpr std::size_t kRowsATask = 64;
@@ -52,6 +54,10 @@ NeighbourQuery::NeighbourQuery(const ResidualCoder& coder, const Voters& voters,
                   tables_[row] = coder.TableOf(descriptors.float_row(row));
                 }
               });
+}
+
+double NeighbourQuery::Root(double descriptors) const {
+  return std::sqrt(std::max(least_descriptors_, descriptors));
 }
 
 float NeighbourQuery::WeightOf(std::size_t row) const {
@@ -108,7 +114,7 @@ void NeighbourQuery::Weigh(std::span<const std::uint32_t> images_of_row,
 }
 
 double NeighbourQuery::Score(double sum, double descriptors) const {
-  return std::min(1.0, sum * norm_ / std::sqrt(descriptors));
+  return std::min(1.0, sum * norm_ / Root(descriptors));
 }
 
 void SumVotes(std::vector<Vote>* votes, std::vector<float>* sums) {

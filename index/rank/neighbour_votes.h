@@ -41,10 +41,11 @@ struct Voters {
 
 // Measured with tests/bench/bench_neighbours.cc (--reach, --cells).
 struct NeighbourOptions {
-  int cells = 16;      // nearest words whose lists each query descriptor scans
-  float reach = 0.7F;  // a
-  int threads = 1;     // 0 = all cores
-  float least = 0.3F;  // b
+  int cells = 16;                // nearest words whose lists each query descriptor scans
+  float reach = 0.7F;            // a
+  int threads = 1;               // 0 = all cores
+  float least = 0.3F;            // b
+  double least_descriptors = 8;  // one vote must not put an image with fewer first
   // From so many words on, half of the cells find the same images in little more than half of the
   // time (index/RANKING.md).
   std::size_t many_words = 32'768;
@@ -88,6 +89,7 @@ class NeighbourQuery {
   };
 
   float WeightOf(std::size_t row) const;
+  double Root(double descriptors) const;
 
   Voters voters_;
   float bias_step_ = 0;
@@ -95,7 +97,8 @@ class NeighbourQuery {
   std::vector<Cell> cells_;
   std::vector<LookupTable> tables_;  // by row; none for binary descriptors
   std::vector<float> limits_;        // by row: a |q - w|^2
-  double norm_ = 0;                  // 1 / (sum of weighed limits_ / sqrt(sum of weights))
+  double least_descriptors_;
+  double norm_ = 0;  // 1 / (sum of weighed limits_ / sqrt(sum of weights))
 };
 
 // Keeps the best of each row's votes for an image (of equal votes the one with the lowest code), by

@@ -150,7 +150,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
       }
     }
     std::map<std::int64_t, double> scores;
-    const double root = std::sqrt(voices);
+    const double root = std::sqrt(std::max(8.0, voices));
     for (auto& [key, of_image] : votes) {
       double sum = 0;
       for (auto& [x, of_code] : of_image) {
@@ -159,7 +159,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
           sum += of_code[i] / static_cast<double>(i + 1);
       }
       const auto rows = static_cast<double>(truth_.at(key).words.size());
-      scores[key] = std::min(1.0, sum * root / (std::sqrt(rows) * most));
+      scores[key] = std::min(1.0, sum * root / (std::sqrt(std::max(8.0, rows)) * most));
     }
     return scores;
   }
