@@ -293,9 +293,7 @@ void CheckParts(const ServerOptions& options) {
   if (!options.index_dir.empty() && !std::filesystem::is_directory(options.index_dir, ignored)) {
     Fail("index-dir", "is not a directory: " + options.index_dir);
   }
-  if (options.part.empty() != options.peers.empty()) {
-    Fail(options.part.empty() ? "peers" : "part", "needs --part and --peers together");
-  }
+  if (options.part.empty() != options.peers.empty()) Fail("part", "and --peers go together");
   const IndexShare share = ParsePart(options.part);
   if (share.part < 1 || share.part > share.parts || share.parts > kMostParts ||
       (!options.part.empty() && options.part.find('/') == std::string::npos)) {

@@ -39,12 +39,13 @@ PeerLayout ReadPeerLayout(const std::filesystem::path& file) {
       if (item.name != std::to_string(layout.parts.size() + 1)) {
         fail("does not list the parts 1, 2, ... in order");
       }
-      for (const std::string& address : item.inputs) {
+      layout.parts.push_back(item.inputs);
+      for (std::string& address : layout.parts.back()) {
+        if (address.ends_with('/')) address.pop_back();
         if (!address.starts_with("http://") && !address.starts_with("https://")) {
           fail("has the address '" + address + "', which is not http:// or https://");
         }
       }
-      layout.parts.push_back(item.inputs);
     } else {
       fail("has an unknown entry " + item.fullname());
     }

@@ -17,6 +17,7 @@
 #include <spdlog/spdlog.h>
 
 #include "descriptor/base/error.h"
+#include "index/files/text.h"
 
 namespace pliant::server {
 namespace {
@@ -39,8 +40,6 @@ constexpr std::chrono::seconds kAskStatesEvery{3};
 constexpr std::size_t kMostReplyBytes = std::size_t{256} << 20U;
 
 constexpr long kOk = 200;
-constexpr long kNotFound = 404;
-constexpr long kConflict = 409;
 
 // The last durations of a server's answers. Guarded by its user.
 class Durations {
@@ -69,6 +68,21 @@ std::size_t OnBody(const char* data, std::size_t, std::size_t bytes, void* text)
   if (body.size() + bytes > kMostReplyBytes) return 0;
   body.append(data, bytes);
   return bytes;
+}
+
+struct Refusal {
+  std::string code;
+  std::string detail;
+};
+
+// Empty unless it is a problem as Pliant's servers send it.
+Refusal RefusalIn(const std::string& body) {
+  try {
+    const auto json = nlohmann::json::parse(body);
+    return {json.at("code"), Shown(json.at("detail").get<std::string>())};
+  } catch (const nlohmann::json::exception&) {
+    return {};
+  }
 }
 
 void Require(bool done) {
@@ -323,18 +337,21 @@ void Peers::Servers::Exchange::TakeFinished() {
     long status = 0;
     curl_easy_getinfo(call.handle.get(), CURLINFO_RESPONSE_CODE, &status);
     const bool answers = code == CURLE_OK && status == kOk;
-    const bool refuses = code == CURLE_OK && (status == kConflict || status == kNotFound);
-    if (!answers && !refuses) {
-      spdlog::warn("peer {} did not answer for part {}: {}",
-                   all_.layout_.parts[call.part][call.server], call.part + 1,
-                   code == CURLE_OK ? "status " + std::to_string(status)
-                                    : std::string(curl_easy_strerror(code)));
+    const Refusal refusal = answers ? Refusal() : RefusalIn(call.body);
+    const bool has_changed = refusal.code == "part_changed";
+    const bool refuses = code == CURLE_OK && (has_changed || refusal.code == "part_elsewhere");
+    if (!answers && !has_changed) {
+      spdlog::warn("peer {} did not rank part {}: {}", all_.layout_.parts[call.part][call.server],
+                   call.part + 1,
+                   code != CURLE_OK         ? std::string(curl_easy_strerror(code))
+                   : refusal.detail.empty() ? "status " + std::to_string(status)
+                                            : refusal.detail);
     }
     if (answers) {
       Answered(call, std::move(call.body));
     } else if (const auto waiting = waiting_.find(call.part); waiting != waiting_.end()) {
       --waiting->second.running;
-      waiting->second.refused |= refuses && status == kConflict;
+      waiting->second.refused |= has_changed;
     }
     End(static_cast<std::size_t>(found - calls_.begin()), answers   ? PeerOutcome::kAnswered
                                                           : refuses ? PeerOutcome::kRefused

@@ -2,13 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The options and the file of an index in parts.
 #include <fstream>
+#include <map>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "server/app/options.h"
 #include "server/http/http_server.h"
+#include "server/http/parameters.h"
+#include "server/http/problem.h"
 #include "server/peers/peer_layout.h"
 #include "server/peers/peers.h"
 #include "tests/unit/expect_error.h"
@@ -43,7 +48,7 @@ class PeerLayoutTest : public ::testing::Test {
 TEST_F(PeerLayoutTest, NamesTheServersOfEachPart) {
   const PeerLayout layout = Read(
       "# ours\nkey = \"plk_1\"\ntimeout_ms = 250\n[parts]\n"
-      "1 = [\"http://a:1\", \"https://b:2\"]\n2 = [\"http://c:3\"]\n");
+      "1 = [\"http://a:1\", \"https://b:2/\"]\n2 = [\"http://c:3\"]\n");
   EXPECT_EQ(layout.key, "plk_1");
   EXPECT_EQ(layout.timeout, std::chrono::milliseconds(250));
   EXPECT_EQ(layout.parts,
@@ -83,39 +88,77 @@ TEST_F(PeerLayoutTest, TheOptionsMustFitTogether) {
   ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
 }
 
+class PeersTest : public PeerLayoutTest {
+ protected:
+  PeersTest() {
+    HttpOptions options;
+    options.port = 0;
+    options.admit = [](const Route&, Request&) {};
+    options.on_request = [](const RequestRecord&) {};
+    server_.emplace(router_, options);
+    server_->Start();
+    address_ = "http://127.0.0.1:" + std::to_string(server_->port());
+  }
+  // Of one step that asks all parts.
+  std::vector<std::optional<PartServers::Reply>> Ask(Peers& peers,
+                                                     PartServers::Clock::time_point until) {
+    const std::string body = "query";
+    return peers.Current()->Ask([&]() -> const std::string& { return body; }, {}, {}, until);
+  }
+  static PartServers::Clock::time_point Later() {
+    return PartServers::Clock::now() + std::chrono::seconds(30);
+  }
+
+  const Router router_{{{.name = "rank",
+                         .method = "POST",
+                         .pattern = "/v1/peer/rank",
+                         .parameters = {Parameter("part", ""), Parameter("parts", "")},
+                         .handler =
+                             [](const Request&, const Parameters& parameters) {
+                               if (parameters.Text("part") == "3") {
+                                 throw ProblemError("part_elsewhere", "Another part is here.");
+                               }
+                               Response answer;
+                               answer.body = "votes";
+                               return answer;
+                             }},
+                        {.name = "state",
+                         .method = "GET",
+                         .pattern = "/v1/peer",
+                         .handler = [](const Request&, const Parameters&) { return Response(); }}}};
+  std::optional<HttpServer> server_;
+  std::string address_;
+};
+
 // An answer that is read together with another part's must not wait for the deadline.
-TEST_F(PeerLayoutTest, NoAnswerIsOverlooked) {
-  const Router router({{.name = "rank",
-                        .method = "POST",
-                        .pattern = "/v1/peer/rank",
-                        .parameters = {Parameter("part", ""), Parameter("parts", "")},
-                        .handler =
-                            [](const Request&, const Parameters&) {
-                              Response answer;
-                              answer.body = "votes";
-                              return answer;
-                            }},
-                       {.name = "state",
-                        .method = "GET",
-                        .pattern = "/v1/peer",
-                        .handler = [](const Request&, const Parameters&) { return Response(); }}});
-  HttpOptions options;
-  options.port = 0;
-  options.admit = [](const Route&, Request&) {};
-  options.on_request = [](const RequestRecord&) {};
-  HttpServer server(router, options);
-  server.Start();
-  const std::string address = "[\"http://127.0.0.1:" + std::to_string(server.port()) + "\"]\n";
-  std::ofstream(folder_ / "peers.toml") << "[parts]\n1 = " << address << "2 = " << address;
+TEST_F(PeersTest, NoAnswerIsOverlooked) {
+  const std::string list = "[\"" + address_ + "\"]\n";
+  std::ofstream(folder_ / "peers.toml") << "[parts]\n1 = " << list << "2 = " << list;
   Peers peers(folder_ / "peers.toml", [](std::size_t, PeerOutcome, double) {});
-  const std::string body = "query";
   for (int i = 0; i < 3000; ++i) {
-    const auto until = PartServers::Clock::now() + std::chrono::seconds(30);
-    const auto replies =
-        peers.Current()->Ask([&]() -> const std::string& { return body; }, {}, {}, until);
-    for (const auto& reply : replies) ASSERT_TRUE(reply && reply->body == "votes");
+    const auto until = Later();
+    for (const auto& reply : Ask(peers, until)) ASSERT_TRUE(reply && reply->body == "votes");
     ASSERT_LT(PartServers::Clock::now(), until) << "after " << i;
   }
+}
+
+TEST_F(PeersTest, TheLogSaysWhyAServerDoesNotRank) {
+  std::ofstream(folder_ / "peers.toml") << "[parts]\n1 = [\"" << address_ << "/\"]\n2 = [\""
+                                        << address_ << "/other\"]\n3 = [\"" << address_ << "\"]";
+  std::map<std::size_t, PeerOutcome> outcomes;
+  Peers peers(folder_ / "peers.toml",
+              [&](std::size_t part, PeerOutcome outcome, double) { outcomes[part] = outcome; });
+  ::testing::internal::CaptureStdout();
+  const auto replies = Ask(peers, Later());
+  const std::string log = ::testing::internal::GetCapturedStdout();
+  EXPECT_TRUE(replies[0].has_value());
+  EXPECT_FALSE(replies[1].has_value());
+  EXPECT_FALSE(replies[2].has_value());
+  EXPECT_EQ(outcomes, (std::map<std::size_t, PeerOutcome>{{0, PeerOutcome::kAnswered},
+                                                          {1, PeerOutcome::kFailed},
+                                                          {2, PeerOutcome::kRefused}}));
+  EXPECT_THAT(log, ::testing::HasSubstr("did not rank part 3: Another part is here."));
+  EXPECT_THAT(log, ::testing::HasSubstr(address_ + "/other did not rank part 2: "));
 }
 
 }  // namespace
