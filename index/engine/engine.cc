@@ -58,6 +58,7 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
     return options_.custom_descriptor->info();
   };
   store_ = OpenStore(opening);
+  if (options_.part_servers) database_ = store_->Identity();
   const bool describes = options_.load_descriptor && !options_.read_only;
   const ExtractionLimits& limits = store_->model().limits;
   FollowLimits(limits, options_.extraction);
@@ -94,10 +95,10 @@ EngineCore::~EngineCore() { ranker_->Save(); }
 
 Ranking EngineCore::Rank(const CollectionView& view, const RankQuery& query,
                          const RankOptions& options) {
-  Ranking ranking =
-      options_.part_servers
-          ? RankInParts(options_.part_servers, view, ranker_->followed(), query, options)
-          : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
+  Ranking ranking = options_.part_servers
+                        ? RankInParts(options_.part_servers, {database_, ranker_->followed()}, view,
+                                      query, options)
+                        : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
   for (auto* images : {&ranking.candidates, &ranking.best}) {
     for (RankedImage& image : *images) image.ref.collection = view.collection;
   }
@@ -208,7 +209,8 @@ std::string EngineSearch::RankPart(const IndexShare& share, const std::string& t
   if (share != core_.options().share) {
     throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not hold this part.");
   }
-  return core_.part_answers().Answer(core_.ranker(), token, message, threads, until);
+  return core_.part_answers().Answer(core_.ranker(), core_.database(), token, message, threads,
+                                     until);
 }
 
 std::int64_t EngineSearch::followed() { return core_.ranker().followed(); }

@@ -37,6 +37,7 @@ class EngineCore {
   // Of the whole index, in whatever processes it is.
   Ranking Rank(const CollectionView& view, const RankQuery& query, const RankOptions& options);
   PartAnswers& part_answers() { return part_answers_; }
+  const std::string& database() const { return database_; }
   const EngineOptions& options() const { return options_; }
   // Of a stored image; kNotFound "image_not_found".
   Features GetFeatures(const ImageRef& ref, const std::string& collection);
@@ -66,6 +67,7 @@ class EngineCore {
   bool limits_stored_ = false;  // also guarded by it, after the constructor
   std::unique_ptr<Store> store_;
   std::unique_ptr<MemoryRanker> ranker_;  // follows store_; destroyed before it
+  std::string database_;                  // Store::Identity, for an index in parts
   PartAnswers part_answers_;
   std::jthread follower_;  // last: it uses the ranker
 };

@@ -24,7 +24,7 @@ namespace {
 using Json = nlohmann::json;
 using Clock = PartServers::Clock;
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 // Votes that are kept for a second step: the oldest go first.
 constexpr std::size_t kMostKeptBytes = std::size_t{1} << 30U;
 constexpr std::chrono::seconds kKeptFor{30};
@@ -98,13 +98,14 @@ std::string Written(const Json& json) {
   return text;
 }
 
-Json QueryJson(const CollectionView& view, std::int64_t followed, const RankQuery& query,
+Json QueryJson(const DatabaseState& state, const CollectionView& view, const RankQuery& query,
                const RankOptions& options) {
   Json json = {{"version", kVersion},
+               {"database", state.database},
                {"name", view.name},
                {"collection", view.collection},
                {"vocabulary", view.vocabulary},
-               {"followed", followed},
+               {"followed", state.followed},
                {"histogram", query.method == RankMethod::kHistogram},
                {"binary", query.descriptors.kind == DescriptorKind::kBinary},
                {"dim", query.descriptors.dim},
@@ -201,11 +202,11 @@ std::string MissingIn(const Replies& replies, bool partial) {
 // One search's exchange with the parts.
 class Exchange {
  public:
-  Exchange(const CollectionView& view, std::int64_t followed, const RankQuery& query,
+  Exchange(const DatabaseState& state, const CollectionView& view, const RankQuery& query,
            const RankOptions& options)
       : query_(query),
         options_(options),
-        message_(QueryJson(view, followed, query, options)),
+        message_(QueryJson(state, view, query, options)),
         counting_(Written(message_)) {}
 
   // nullopt: a part has no server, or has changed between the steps; why() says which.
@@ -268,9 +269,9 @@ class Exchange {
 }  // namespace
 
 Ranking RankInParts(const std::function<std::shared_ptr<PartServers>()>& servers,
-                    const CollectionView& view, std::int64_t followed, const RankQuery& query,
+                    const DatabaseState& state, const CollectionView& view, const RankQuery& query,
                     const RankOptions& options) {
-  Exchange exchange(view, followed, query, options);
+  Exchange exchange(state, view, query, options);
   std::shared_ptr<PartServers> asked = servers();
   const auto until = Clock::now() + asked->timeout();
   std::string why;
@@ -338,8 +339,9 @@ std::string PartAnswers::Keep(std::shared_ptr<Kept> kept) {
   return token;
 }
 
-std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
-                                const std::string& message, int threads, Clock::time_point until) {
+std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& database,
+                                const std::string& token, const std::string& message, int threads,
+                                Clock::time_point until) {
   const auto check_time = [&] {
     if (Clock::now() >= until) {
       throw Error(ErrorCode::kUnavailable, "busy", "The other server does not wait any more.");
@@ -349,6 +351,9 @@ std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& token,
     const Json json = Parsed(message);
     std::shared_ptr<Kept> kept;
     if (token.empty()) {
+      if (json.at("database") != database) {
+        throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server uses another database.");
+      }
       kept = std::make_shared<Kept>();
       auto view = ranker.ViewNow(json.at("name"));
       if (view) kept->view = *std::move(view);

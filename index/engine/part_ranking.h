@@ -17,21 +17,27 @@
 
 namespace pliant {
 
-// Asks all parts. `servers`: the present configuration, which can change meanwhile. `followed`: the
-// state of the database that they must have reached. Throws kUnavailable "part_unavailable".
+// What parts must have reached.
+struct DatabaseState {
+  std::string database;  // Store::Identity
+  std::int64_t followed = 0;
+};
+
+// Asks all parts. `servers`: the present configuration, which can change meanwhile. Throws
+// kUnavailable "part_unavailable".
 Ranking RankInParts(const std::function<std::shared_ptr<PartServers>()>& servers,
-                    const CollectionView& view, std::int64_t followed, const RankQuery& query,
+                    const DatabaseState& state, const CollectionView& view, const RankQuery& query,
                     const RankOptions& options);
 
 // Answers for one part. Thread-safe.
 class PartAnswers {
  public:
   // `token`: of the first step, or empty. Nothing is ranked after `until`. Throws kNotFound
-  // "part_elsewhere" for another share, for a vocabulary or a state that is not here, and for
-  // unknown tokens: another server may know them; kConflict "part_changed"; kInvalidArgument
-  // "peer_message_invalid".
-  std::string Answer(MemoryRanker& ranker, const std::string& token, const std::string& message,
-                     int threads, PartServers::Clock::time_point until);
+  // "part_elsewhere" for another share, for another database, for a vocabulary or a state that is
+  // not here, and for unknown tokens: another server may know them; kConflict "part_changed";
+  // kInvalidArgument "peer_message_invalid".
+  std::string Answer(MemoryRanker& ranker, const std::string& database, const std::string& token,
+                     const std::string& message, int threads, PartServers::Clock::time_point until);
 
  private:
   struct Kept;

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <thread>
 
 #include "index/records/index_share.h"
@@ -23,6 +24,8 @@ class Store {
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
+  // The same for all processes that use this database; another one for a copy of it.
+  std::string Identity() const;
   const StoredModel& model() const;
   // Stores how images are described, unless that is stored already. Returns the stored values:
   // another process can have been first.

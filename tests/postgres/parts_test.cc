@@ -191,6 +191,19 @@ TEST_P(PartsTest, APartWithoutServerIsAnErrorUnlessTheSearchIsPartial) {
               [&] { asks_->Search(RandomPng(3), partial); });
 }
 
+TEST_P(PartsTest, AServerOfAnotherDatabaseDoesNotAnswer) {
+  EngineOptions options = Options();
+  options.database = Database(folder_ / "copy.db");
+  options.share = {1, GetParam()};
+  options.part_servers = [this] { return servers_; };
+  Engine other(options);
+  AddMany(other, 12);
+  Train(other, 100);
+  asks_->Search(RandomPng(3), ByImage());
+  ExpectError(ErrorCode::kNotFound, "part_elsewhere",
+              [&] { other.RankPart(options.share, "", servers_->last, 1, Later()); });
+}
+
 TEST_P(PartsTest, MessagesThatAreNotThoseOfAServerAreRefused) {
   asks_->Search(RandomPng(3), ByImage());
   const std::string valid = servers_->last;

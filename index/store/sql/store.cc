@@ -40,6 +40,8 @@ Store::Store(std::unique_ptr<Access> access)
 
 Store::~Store() = default;
 
+std::string Store::Identity() const { return access_->Identity(); }
+
 const StoredModel& Store::model() const { return model_->model; }
 
 ExtractionLimits Store::SettleExtraction(const ExtractionLimits& limits) {
