@@ -179,9 +179,10 @@ stop_servers() {  # SIGNAL [NAME...] : these or all; and SIGKILL for what ignore
 
 # -- the parts of the index
 
-write_peers() {  # PARTS : the servers of this layout, under the name that all servers read
+write_peers() {  # PARTS : the servers of this layout, under the name that all servers read; a key there stays
   local part name addresses
-  { echo '[parts]'
+  { sed '/^\[parts\]/,$d' "$home/peers.toml" 2>/dev/null || true
+    echo '[parts]'
     for part in $(seq "$1"); do
       addresses=
       for name in $(servers); do

@@ -93,9 +93,11 @@ void StartLog(const ServerOptions& options) {
   spdlog::set_default_logger(std::move(logger));
 }
 
-// One line per request. No key, no query, no content.
+// One line per request. No key, no query, no content. All servers of all parts ask for peer.get.
 void LogRequest(const RequestRecord& record) {
-  const auto level = record.status >= 500 ? spdlog::level::warn : spdlog::level::info;
+  const auto level = record.route == "peer.get" ? spdlog::level::debug
+                     : record.status >= 500     ? spdlog::level::warn
+                                                : spdlog::level::info;
   if (!spdlog::should_log(level)) return;
   spdlog::log(level, "{}", json_lines ? RequestJson(record) : RequestText(record));
 }

@@ -77,11 +77,12 @@ def check_answers(cluster):
         time.sleep(0.2)
     expected = search(first)
     assert expected[1][0][0] == "p3" and expected == search(before["2/2"]), expected
+    peers = pathlib.Path(cluster.home) / "peers.toml"
+    peers.write_text("timeout_ms = 30000\n" + peers.read_text(encoding="ascii"), encoding="ascii")
     addresses, stop, failures, counts = [*before.values()], threading.Event(), [], []
     searching = threading.Thread(target=search_on, args=(addresses, expected, stop, failures, counts))
     searching.start()
     switching = subprocess.Popen(["bash", LOCAL, "up", cluster.home, "--parts", "3", "--copies", "1"], env=cluster.environment, stdout=subprocess.DEVNULL)
-    peers = pathlib.Path(cluster.home) / "peers.toml"
     while "3 = " not in peers.read_text(encoding="ascii") and switching.poll() is None:
         time.sleep(0.01)
     addresses.clear()  # as a proxy that takes the old servers out
@@ -95,6 +96,9 @@ def check_answers(cluster):
     stop.set()
     searching.join()
     assert not failures, failures[:5]
+    assert peers.read_text(encoding="ascii").startswith("timeout_ms = 30000\n[parts]\n"), "the script dropped an entry of peers.toml"
+    for log in pathlib.Path(cluster.home).glob("server*/log"):
+        assert "GET /v1/peer 200" not in log.read_text(encoding="utf-8"), "asking for states fills the log"
     print(f"{len(counts)} searches, the same answer each time")
     check_missing_part(cluster, after, expected)
 
