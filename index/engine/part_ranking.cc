@@ -24,7 +24,7 @@ namespace {
 using Json = nlohmann::json;
 using Clock = PartServers::Clock;
 
-constexpr int kVersion = 2;
+constexpr int kVersion = 1;
 // Votes that are kept for a second step: the oldest go first.
 constexpr std::size_t kMostKeptBytes = std::size_t{1} << 30U;
 constexpr std::chrono::seconds kKeptFor{30};
