@@ -162,14 +162,14 @@ void Conclude(const Features& query, std::size_t usual_keypoints, const Features
                                         .Verify(reference);
   comparison->verify_ms += watch.ms();
   comparison->explanation = ExplainInstances(query, reference, result).front();
-  comparison->explanation.ranking_score = kVerify.no_resemblance;
+  comparison->explanation.ranking_score = kVerify.most_of_ranking;
   comparison->outline.clear();
   for (const Vec2 p : result.outline) comparison->outline.push_back({p.x, p.y});
   const double evidence =
       Evidence(result.effective_inliers,
                InliersByChance(query.keypoints.size(), result.distinctness, result.agreeing));
   comparison->explanation.appearance = CompareAppearance(query, reference, result);
-  comparison->probability = Rounded(Probability(kVerify.no_resemblance, evidence));
+  comparison->probability = Rounded(Probability(kVerify.most_of_ranking, evidence));
 }
 
 // Throws kInvalidArgument that names the option.

@@ -152,7 +152,7 @@ struct Comparison {
   ComparedImage first;
   ComparedImage second;
   // As in a search by the second image with the first as a hit: the second is the query, the first
-  // the reference. ranking_score is kVerify.no_resemblance, since nothing is ranked.
+  // the reference. ranking_score is kVerify.most_of_ranking, since nothing is ranked.
   Explanation explanation;
   std::vector<Point> outline;  // of the first image's object, in the second image; empty = unknown
   // Probability that both show the same object: that of a hit with these inliers and no support by

@@ -31,18 +31,15 @@ struct VerifyConstants {
   double usual_distance = 0.616;
   // Inliers by chance grow with exp(growth (1 - distinctness) (1 / agreeing^2 - 1)).
   double growth = 3.88;
-  double most_growth = 9;  // codes and boards had up to 40 inliers by chance
 
   // Score and probability. Evidence e multiplies the odds by (1 + e)^power: a third more inliers
   // count as much as a ranking score 3.2 times as high.
   double power = 4;
   double odds = 30;  // of a hit per odds of its score, in photos of worn shirts
-  // The ranking counts up to this score. Without evidence no hit is more probable than 0.19, so
-  // that the verdict is neither found nor perhaps.
-  double most_of_ranking = 0.008;
-  // The ranking score without any support: that of the best of a few hundred images without the
-  // query's object. For pairs of images outside a search.
-  double no_resemblance = 0.002;
+  // The ranking counts up to this score, that of the best of a few hundred images without the
+  // query's object. So without evidence no hit is found, or perhaps. Pairs of images outside a
+  // search have this score.
+  double most_of_ranking = 0.002;
 
   // Rivals (NearestMatches): what is nearly as near is as near. Distances differ by more from one
   // compression of an image to another.

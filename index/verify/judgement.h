@@ -30,7 +30,7 @@ double Evidence(double effective_inliers, double by_chance = kVerify.inliers_by_
 double LiftScore(double ranking_score, double evidence);
 
 // The probability that a hit of the ranking by neighbours is correct:
-//   p / (1 - p) = 30 s / (1 - s) (1 + e)^4,   s = min(ranking_score, 0.008).
+//   p / (1 - p) = 30 s / (1 - s) (1 + e)^4,   s = min(ranking_score, 0.002).
 // The limit of s means: without evidence nothing is found.
 double Probability(double ranking_score, double evidence);
 

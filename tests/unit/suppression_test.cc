@@ -45,8 +45,8 @@ void See(VerifiedImage* image, std::uint32_t first, std::uint32_t count, float d
 VerifiedImage Scored(const std::string& id, std::int64_t object, double score) {
   VerifiedImage image;
   image.image = {{1, id, 1}, object, score};
-  image.ranking_score = kVerify.no_resemblance;
-  const double lift = score / (1 - score) * (1 - kVerify.no_resemblance) / kVerify.no_resemblance;
+  image.ranking_score = kVerify.most_of_ranking;
+  const double lift = score / (1 - score) * (1 - kVerify.most_of_ranking) / kVerify.most_of_ranking;
   image.evidence = std::pow(lift, 1 / kVerify.power) - 1;
   return image;
 }
@@ -62,7 +62,7 @@ VerifiedImage Seen(std::int64_t object, double score, std::uint32_t first, std::
 }
 
 double Odds(int inliers, double share) {
-  const double p = Probability(kVerify.no_resemblance, Evidence(inliers) * std::sqrt(share));
+  const double p = Probability(kVerify.most_of_ranking, Evidence(inliers) * std::sqrt(share));
   return p / (1 - p);
 }
 
