@@ -31,6 +31,7 @@ struct VerifyConstants {
   double usual_distance = 0.616;
   // Inliers by chance grow with exp(growth (1 - distinctness) (1 / agreeing^2 - 1)).
   double growth = 3.88;
+  double most_growth = 9;  // codes and boards had up to 40 inliers by chance
 
   // Score and probability. Evidence e multiplies the odds by (1 + e)^power: a third more inliers
   // count as much as a ranking score 3.2 times as high.

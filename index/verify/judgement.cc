@@ -16,7 +16,7 @@ double InliersByChance(std::size_t query_keypoints, double distinctness, double 
   const double usual = k.inliers_by_chance + k.more_an_octave * std::clamp(octaves, 0.0, 1.0);
   const double alike = std::max(0.0, 1 - distinctness);
   const double growth = std::exp(k.growth * alike * (1 / (agreeing * agreeing) - 1));
-  return usual * growth;
+  return usual * std::min(k.most_growth, growth);
 }
 
 double Evidence(double effective_inliers, double by_chance, double share) {
