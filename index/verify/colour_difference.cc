@@ -119,7 +119,7 @@ double Gain(const std::vector<ColourPair>& pairs) {
     both += d.x * q.x + d.y * q.y;  // all d sum up to 0
     square += d.x * d.x + d.y * d.y;
   }
-  return std::max(0.0, both / square);
+  return std::max(kVerify.least_gain, both / square);
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ std::optional<double> ColourDifference(const Features& query, const Features& re
                                        const Mesh& mesh, std::span<const Vec2> seen, double scale);
 
 // The same relative to the reference's colours. They are faded first as those of the query are: by
-// the least squares gain g, not below 0. The mean distance is divided by 4 + g times the mean
+// the least squares gain g, 0.3 or more. The mean distance is divided by 4 + g times the mean
 // strength of the reference's colours.
 std::optional<double> RelativeColourDifference(const Features& query, const Features& reference,
                                                const Mesh& mesh, std::span<const Vec2> seen,

@@ -53,6 +53,9 @@ struct VerifyConstants {
   // Colours, as distances of a* and b*.
   double chroma_noise = 4;   // between photos of the same; smaller differences say little
   double around_seen = 1.1;  // the part that is seen, enlarged about its centre
+  // Of the query's chroma per reference's. A lower one comes from a warp that is too inexact for
+  // small details, as of a map.
+  double least_gain = 0.3;
 
   // Pixels (CompareAppearance).
   int window_radius = 4;      // in pixels of the previews; a window must fit three times

@@ -45,7 +45,9 @@ TEST(ServerDemo, IsAddedOnceAndFound) {
     EXPECT_EQ(crumpled->get_header_value("Content-Type"), "image/jpeg");
     const auto found = client.Post("/v1/collections/default/search", crumpled->body, "image/jpeg");
     ASSERT_EQ(found->status, 200) << found->body;
-    EXPECT_EQ(Json::parse(found->body)["hits"][0]["image_id"], object["image_id"]) << found->body;
+    const Json answer = Json::parse(found->body);
+    EXPECT_EQ(answer["verdict"], "found") << answer;
+    EXPECT_EQ(answer["hits"][0]["image_id"], object["image_id"]) << answer;
   }
   EXPECT_EQ(client.Get("/assets/demo/nothing.jpg")->status, 404);
   EXPECT_EQ(client.Post("/v1/collections/none/demo")->status, 404);
