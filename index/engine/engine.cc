@@ -215,6 +215,8 @@ std::string EngineSearch::RankPart(const IndexShare& share, const std::string& t
 
 std::int64_t EngineSearch::followed() { return core_.ranker().followed(); }
 
+const std::string& EngineSearch::database() const { return core_.database(); }
+
 EngineStats EngineMaintenance::Stats() {
   EngineStats stats = core_.catalogue().Count();
   stats.index_bytes = core_.ranker().memory_bytes();

@@ -228,6 +228,8 @@ class EngineSearch {
                        std::chrono::steady_clock::time_point until);
   // The state of the database that the index of this process has reached.
   std::int64_t followed();
+  // Which database that is, the same in all processes; empty unless the index is in parts.
+  const std::string& database() const;
 
   // Where the object is in the image, as in the tracker. If the object has few images, all are
   // compared, otherwise those with the most similar visual words. Not found is no error. `threads`:

@@ -412,11 +412,15 @@ std::vector<PeerState> Peers::Servers::States() {
     long status = 0;
     curl_easy_getinfo(calls[i]->handle.get(), CURLINFO_RESPONSE_CODE, &status);
     curl_multi_remove_handle(multi.get(), calls[i]->handle.get());
-    const auto json = nlohmann::json::parse(calls[i]->body, nullptr, false);
-    if (status != kOk || !json.is_object()) continue;
-    states[i].answers =
-        json.value("part", 0) == states[i].part && json.value("parts", 0) == parts();
-    states[i].followed = json.value("followed", std::int64_t{0});
+    if (status != kOk) continue;
+    try {
+      const auto json = nlohmann::json::parse(calls[i]->body);
+      states[i].followed = json.at("followed");
+      states[i].database = json.at("database");
+      states[i].answers = json.at("part") == states[i].part && json.at("parts") == parts();
+    } catch (const nlohmann::json::exception&) {
+      continue;  // it is no server of Pliant
+    }
   }
   GiveBack(std::move(multi));
   return states;
@@ -435,9 +439,9 @@ std::shared_ptr<PartServers> Peers::Current() { return CurrentServers(); }
 
 std::shared_ptr<Peers::Servers> Peers::CurrentServers() {
   const std::lock_guard lock(mutex_);
-  std::error_code error;
-  const auto written = std::filesystem::last_write_time(file_, error);
-  if (error || written == read_at_) return current_;
+  std::error_code missing;  // then the time is the least one
+  const auto written = std::filesystem::last_write_time(file_, missing);
+  if (written == read_at_) return current_;
   read_at_ = written;
   try {
     PeerLayout layout = ReadPeerLayout(file_);

@@ -33,8 +33,10 @@ Response Rank(Service& service, const Request& request, const Parameters& parame
 
 Response State(Service& service, const Request&, const Parameters&) {
   const IndexShare& share = service.options.engine.share;
-  return JsonResponse(
-      {{"part", share.part}, {"parts", share.parts}, {"followed", service.engine().followed()}});
+  return JsonResponse({{"part", share.part},
+                       {"parts", share.parts},
+                       {"database", service.engine().database()},
+                       {"followed", service.engine().followed()}});
 }
 
 }  // namespace

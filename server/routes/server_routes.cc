@@ -55,12 +55,13 @@ Response Ready(Service& service, const Request&, const Parameters&) {
     const std::int64_t followed = service.engine().followed();
     json["parts"] = Json::array();
     for (const PeerState& peer : service.peers()->states()) {
+      const bool answers = peer.answers && peer.database == service.engine().database();
       json["parts"].push_back(
           {{"part", peer.part},
            {"server", peer.server},
-           {"answers", peer.answers},
-           {"behind", peer.answers ? Json(std::max<std::int64_t>(0, followed - peer.followed))
-                                   : Json(nullptr)}});
+           {"answers", answers},
+           {"behind",
+            answers ? Json(std::max<std::int64_t>(0, followed - peer.followed)) : Json(nullptr)}});
     }
   }
   return JsonResponse(json);

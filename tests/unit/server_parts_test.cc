@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -108,6 +109,13 @@ class PeersTest : public PeerLayoutTest {
   static PartServers::Clock::time_point Later() {
     return PartServers::Clock::now() + std::chrono::seconds(30);
   }
+  static Handler State(const std::string& body) {
+    return [body](const Request&, const Parameters&) {
+      Response answer;
+      answer.body = body;
+      return answer;
+    };
+  }
 
   const Router router_{{{.name = "rank",
                          .method = "POST",
@@ -125,7 +133,11 @@ class PeersTest : public PeerLayoutTest {
                         {.name = "state",
                          .method = "GET",
                          .pattern = "/v1/peer",
-                         .handler = [](const Request&, const Parameters&) { return Response(); }}}};
+                         .handler = State(R"({"part":1,"parts":2,"followed":7,"database":"d"})")},
+                        {.name = "stranger",
+                         .method = "GET",
+                         .pattern = "/other/v1/peer",
+                         .handler = State(R"({"part":"two","parts":null})")}}};
   std::optional<HttpServer> server_;
   std::string address_;
 };
@@ -140,6 +152,32 @@ TEST_F(PeersTest, NoAnswerIsOverlooked) {
     for (const auto& reply : Ask(peers, until)) ASSERT_TRUE(reply && reply->body == "votes");
     ASSERT_LT(PartServers::Clock::now(), until) << "after " << i;
   }
+}
+
+TEST_F(PeersTest, OnlyAServerOfPliantSaysItsState) {
+  std::ofstream(folder_ / "peers.toml")
+      << "[parts]\n1 = [\"" << address_ << "\"]\n2 = [\"" << address_ << "/other\"]\n";
+  const Peers peers(folder_ / "peers.toml", [](std::size_t, PeerOutcome, double) {});
+  while (peers.states().empty()) std::this_thread::yield();
+  const std::vector<PeerState> states = peers.states();
+  EXPECT_TRUE(states[0].answers);
+  EXPECT_EQ(states[0].followed, 7);
+  EXPECT_EQ(states[0].database, "d");
+  EXPECT_FALSE(states[1].answers);
+}
+
+TEST_F(PeersTest, AFileThatWentAwayIsLoggedOnce) {
+  const std::filesystem::path file = folder_ / "peers.toml";
+  std::ofstream(file) << "[parts]\n1 = [\"" << address_ << "\"]\n";
+  Peers peers(file, [](std::size_t, PeerOutcome, double) {});
+  peers.Current();
+  ::testing::internal::CaptureStdout();
+  std::filesystem::remove(file);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(peers.Current()->parts(), 1);
+  const std::string log = ::testing::internal::GetCapturedStdout();
+  const auto at = log.find("cannot be read; the servers stay as they were");
+  EXPECT_NE(at, std::string::npos);
+  EXPECT_EQ(log.find("cannot be read", at + 1), std::string::npos);
 }
 
 TEST_F(PeersTest, TheLogSaysWhyAServerDoesNotRank) {
