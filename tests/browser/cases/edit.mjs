@@ -94,7 +94,7 @@ test("a rename can be undone: of an object, also on its page, of an image, and o
   await page.getByRole("button", { name: "Save" }).click();
   await house.waitForText(page, "#notices", /Renamed to cup/);
   await undo();
-  assert.equal((await read("/images/a")).object, "mug");
+  await house.eventually(async () => assert.equal((await read("/images/a")).object, "mug"));
 
   await page.goto(`${server.address}/#/collection`);
   await page.getByLabel("Name of this collection").fill("Summer");
