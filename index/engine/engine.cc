@@ -192,60 +192,53 @@ Features EngineCore::GetFeatures(const ImageRef& ref, const std::string& collect
   return features;
 }
 
-Engine::Engine(EngineOptions options) : Engine(std::make_unique<EngineCore>(std::move(options))) {}
-
-Engine::Engine(std::unique_ptr<EngineCore> core)
-    : EngineImages(core.get()),
-      EngineSearch(core.get()),
-      EngineVocabularies(core.get()),
-      EngineMaintenance(core.get()),
-      core_(std::move(core)) {}
+Engine::Engine(EngineOptions options) : core_(std::make_unique<EngineCore>(std::move(options))) {}
 
 Engine::~Engine() = default;
 
-std::string EngineSearch::RankPart(const IndexShare& share, const std::string& token,
-                                   const std::string& message, int threads,
-                                   std::chrono::steady_clock::time_point until) {
-  if (share != core_.options().share) {
+std::string Engine::RankPart(const IndexShare& share, const std::string& token,
+                             const std::string& message, int threads,
+                             std::chrono::steady_clock::time_point until) {
+  if (share != core_->options().share) {
     throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not hold this part.");
   }
-  return core_.part_answers().Answer(core_.ranker(), core_.database(), token, message, threads,
-                                     until);
+  return core_->part_answers().Answer(core_->ranker(), core_->database(), token, message, threads,
+                                      until);
 }
 
-std::int64_t EngineSearch::followed() { return core_.ranker().followed(); }
+std::int64_t Engine::followed() { return core_->ranker().followed(); }
 
-const std::string& EngineSearch::database() const { return core_.database(); }
+const std::string& Engine::database() const { return core_->database(); }
 
-EngineStats EngineMaintenance::Stats() {
-  EngineStats stats = core_.catalogue().Count();
-  stats.index_bytes = core_.ranker().memory_bytes();
+EngineStats Engine::Stats() {
+  EngineStats stats = core_->catalogue().Count();
+  stats.index_bytes = core_->ranker().memory_bytes();
   if (stats.server) {
     stats.server->behind =
-        std::max<std::int64_t>(0, stats.server->commit - core_.ranker().followed());
+        std::max<std::int64_t>(0, stats.server->commit - core_->ranker().followed());
   }
   return stats;
 }
 
-std::vector<std::string> EngineMaintenance::Check() {
-  const std::vector<std::string> problems = core_.catalogue().Check();
+std::vector<std::string> Engine::Check() {
+  const std::vector<std::string> problems = core_->catalogue().Check();
   if (!problems.empty()) return problems;  // the index cannot be better than what it is made from
-  return core_.ranker().Check();
+  return core_->ranker().Check();
 }
 
-std::uint64_t EngineMaintenance::SweepOriginals() { return core_.writer().SweepOriginals(); }
+std::uint64_t Engine::SweepOriginals() { return core_->writer().SweepOriginals(); }
 
-MoveOriginalsResult EngineMaintenance::MoveOriginals(const std::filesystem::path& directory,
-                                                     const std::function<void(double)>& progress) {
-  return core_.writer().MoveOriginals(directory, progress);
+MoveOriginalsResult Engine::MoveOriginals(const std::filesystem::path& directory,
+                                          const std::function<void(double)>& progress) {
+  return core_->writer().MoveOriginals(directory, progress);
 }
 
-std::optional<OriginalsRecord> EngineMaintenance::DescribeOriginals() {
-  return core_.catalogue().DescribeOriginals();
+std::optional<OriginalsRecord> Engine::DescribeOriginals() {
+  return core_->catalogue().DescribeOriginals();
 }
 
-void EngineMaintenance::Backup(const std::filesystem::path& target, const std::stop_token& stop) {
-  core_.catalogue().Backup(target, stop);
+void Engine::Backup(const std::filesystem::path& target, const std::stop_token& stop) {
+  core_->catalogue().Backup(target, stop);
 }
 
 }  // namespace pliant

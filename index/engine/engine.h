@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The facade of the index: one database, many threads. An Engine has four parts: images, search,
-// vocabularies and maintenance. API keys and jobs of a server have a separate facade
-// (index/store/service_store.h). Verification also works without a database
+// The facade of the index: one database, many threads. API keys and jobs of a server have a
+// separate facade (index/store/service_store.h). Verification also works without a database
 // (index/verify/verification.h).
 //
 // Thread safety: any thread can call any method. Searches run on an immutable snapshot. Writes go
@@ -102,11 +101,19 @@ inline std::optional<std::filesystem::path> ParseOriginalsDir(const std::string&
   return text == "database" ? std::filesystem::path() : std::filesystem::path(text);
 }
 
-class EngineCore;  // shared by the parts of an Engine (engine_core.h)
+class EngineCore;  // engine_core.h
 
-// Collections, images and objects.
-class EngineImages {
+class Engine {
  public:
+  // Opens or creates the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
+  // database", "other_schema"), kConflict, kUnavailable.
+  explicit Engine(EngineOptions options);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  // --- Collections, images and objects.
+
   // Collections: separate images, objects and vocabularies. `default` always exists and cannot be
   // removed. Create: false = it existed already. Remove: with all its content; false = it did not
   // exist.
@@ -179,19 +186,8 @@ class EngineImages {
   ObjectRecord ChangeObject(const std::string& collection, const std::string& object,
                             const ObjectChange& change);
 
- protected:
-  explicit EngineImages(EngineCore* core) : core_(*core) {}
+  // --- Searches, and comparisons of images.
 
- private:
-  std::function<AddResult()> BeginAdd(const AddRequest& request, const ImageCheck& check,
-                                      const Features* given);
-
-  EngineCore& core_;
-};
-
-// Searches, and comparisons of images.
-class EngineSearch {
- public:
   // Search throws what DecodeImage throws, kConflict "no_vocabulary", kUnprocessable
   // "too_few_features", kInvalidArgument that names the option, kNotFound for a stored id.
   SearchResult Search(Bytes encoded, const SearchOptions& options);
@@ -238,16 +234,8 @@ class EngineSearch {
   ObjectLocation Locate(Bytes encoded, const std::string& collection, const std::string& object,
                         int threads);
 
- protected:
-  explicit EngineSearch(EngineCore* core) : core_(*core) {}
+  // --- Vocabularies.
 
- private:
-  EngineCore& core_;
-};
-
-// Vocabularies.
-class EngineVocabularies {
- public:
   // Training makes an additional vocabulary and quantises the images from their stored descriptors.
   // UseVocabulary switches atomically.
   VocabularyRecord TrainVocabulary(const TrainOptions& options);
@@ -257,17 +245,8 @@ class EngineVocabularies {
   // Number of images that UseVocabulary must quantise first.
   std::uint64_t CountUnquantized(const std::string& collection, std::int64_t id);
 
- protected:
-  explicit EngineVocabularies(EngineCore* core) : core_(*core) {}
+  // --- The database as a whole.
 
- private:
-  EngineCore& core_;
-  std::mutex training_mutex_;  // one training at a time
-};
-
-// The database as a whole.
-class EngineMaintenance {
- public:
   EngineStats Stats();
   // Checks every invariant of the database. Returns one sentence per problem; empty = sound.
   std::vector<std::string> Check();
@@ -287,29 +266,12 @@ class EngineMaintenance {
   // kCancelled "cancelled".
   void Backup(const std::filesystem::path& target, const std::stop_token& stop = {});
 
- protected:
-  explicit EngineMaintenance(EngineCore* core) : core_(*core) {}
-
  private:
-  EngineCore& core_;
-};
+  std::function<AddResult()> BeginAdd(const AddRequest& request, const ImageCheck& check,
+                                      const Features* given);
 
-class Engine : public EngineImages,
-               public EngineSearch,
-               public EngineVocabularies,
-               public EngineMaintenance {
- public:
-  // Opens or creates the database and loads the index. Throws kNotFound, kCorrupt ("not a Pliant
-  // database", "other_schema"), kConflict, kUnavailable.
-  explicit Engine(EngineOptions options);
-  ~Engine();
-  Engine(const Engine&) = delete;
-  Engine& operator=(const Engine&) = delete;
-
- private:
-  explicit Engine(std::unique_ptr<EngineCore> core);
-
-  std::unique_ptr<EngineCore> core_;
+  const std::unique_ptr<EngineCore> core_;
+  std::mutex training_mutex_;  // one training at a time
 };
 
 }  // namespace pliant

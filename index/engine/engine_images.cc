@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The face of an engine that has the images, with their collections and objects.
+// Engine: images, with their collections and objects.
 #include <memory>
 #include <utility>
 
@@ -76,63 +76,60 @@ ImagePut Prepare(EngineCore& core, const AddRequest& request, const std::string&
 
 }  // namespace
 
-bool EngineImages::CreateCollection(const std::string& name) {
+bool Engine::CreateCollection(const std::string& name) {
   CheckCollectionName(name);
-  return core_.writer().CreateCollection(name);
+  return core_->writer().CreateCollection(name);
 }
 
-std::vector<std::string> EngineImages::ListCollections() {
-  return core_.catalogue().ListCollections();
+std::vector<std::string> Engine::ListCollections() { return core_->catalogue().ListCollections(); }
+
+std::vector<CollectionLabel> Engine::ListLabels() { return core_->catalogue().ListLabels(); }
+
+std::string Engine::CollectionName(const std::string& name_or_alias) {
+  return core_->catalogue().RequireCollection(name_or_alias).name;
 }
 
-std::vector<CollectionLabel> EngineImages::ListLabels() { return core_.catalogue().ListLabels(); }
+std::vector<AliasRecord> Engine::ListAliases() { return core_->catalogue().ListAliases(); }
 
-std::string EngineImages::CollectionName(const std::string& name_or_alias) {
-  return core_.catalogue().RequireCollection(name_or_alias).name;
-}
-
-std::vector<AliasRecord> EngineImages::ListAliases() { return core_.catalogue().ListAliases(); }
-
-void EngineImages::ChangeAliases(const AliasChanges& changes) {
+void Engine::ChangeAliases(const AliasChanges& changes) {
   for (const auto& [name, collection] : changes) {
     if (collection) CheckAliasName(name);  // one that cannot be is not there
   }
-  core_.writer().ChangeAliases(changes);
+  core_->writer().ChangeAliases(changes);
 }
 
-CollectionRecord EngineImages::ChangeCollection(const std::string& name,
-                                                const CollectionChange& change) {
+CollectionRecord Engine::ChangeCollection(const std::string& name, const CollectionChange& change) {
   if (change.display_name) CheckDisplayName(*change.display_name);
   if (change.found_from &&
       !(*change.found_from >= kLeastFoundFrom && *change.found_from <= kMostFoundFrom)) {
     throw Error(ErrorCode::kInvalidArgument, "found_from_invalid",
                 "found_from must be 0.5 to 0.99.");
   }
-  return core_.writer().ChangeCollection(name, change);
+  return core_->writer().ChangeCollection(name, change);
 }
 
-CollectionRecord EngineImages::GetCollection(const std::string& name) {
-  return core_.catalogue().DescribeCollection(name);
+CollectionRecord Engine::GetCollection(const std::string& name) {
+  return core_->catalogue().DescribeCollection(name);
 }
 
-std::string EngineImages::GetSelfTest(const std::string& name) {
-  return core_.catalogue().SelfTestOf(name);
+std::string Engine::GetSelfTest(const std::string& name) {
+  return core_->catalogue().SelfTestOf(name);
 }
 
-bool EngineImages::RemoveCollection(const std::string& name) {
+bool Engine::RemoveCollection(const std::string& name) {
   if (name == kDefaultCollection) {
     throw Error(ErrorCode::kConflict, "collection_permanent",
                 "The collection \"default\" cannot be deleted.");
   }
-  return core_.writer().RemoveCollection(name);
+  return core_->writer().RemoveCollection(name);
 }
 
-AddResult EngineImages::Add(const AddRequest& request, const ImageCheck& check) {
+AddResult Engine::Add(const AddRequest& request, const ImageCheck& check) {
   return BeginAdd(request, check)();
 }
 
-AddResult EngineImages::AddFeatures(const AddRequest& request, const Features& features) {
-  core_.CheckFeatures(features);
+AddResult Engine::AddFeatures(const AddRequest& request, const Features& features) {
+  core_->CheckFeatures(features);
   if (features.keypoints.size() > kMaxKeypoints) {
     throw Error(ErrorCode::kInvalidArgument, "features_invalid",
                 "An image has at most " + std::to_string(kMaxKeypoints) + " keypoints, not " +
@@ -141,13 +138,12 @@ AddResult EngineImages::AddFeatures(const AddRequest& request, const Features& f
   return BeginAdd(request, {}, &features)();
 }
 
-std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
-                                                  const ImageCheck& check) {
+std::function<AddResult()> Engine::BeginAdd(const AddRequest& original, const ImageCheck& check) {
   return BeginAdd(original, check, nullptr);
 }
 
-std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
-                                                  const ImageCheck& check, const Features* given) {
+std::function<AddResult()> Engine::BeginAdd(const AddRequest& original, const ImageCheck& check,
+                                            const Features* given) {
   struct Pending {
     AddRequest request;
     std::optional<ImagePut> put;
@@ -161,22 +157,22 @@ std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
   CheckSource(request.source);
   request.metadata = CanonicalMetadata(request.metadata);
   if (check && request.id) {
-    const auto now = core_.catalogue().FindImage(request.collection, *request.id);
+    const auto now = core_->catalogue().FindImage(request.collection, *request.id);
     check(now ? &*now : nullptr);
   }
   const std::string sha256 = Sha256Hex(
       request.bytes.empty() && given != nullptr ? Bytes(EncodeFeatures(*given)) : request.bytes);
-  if (auto unchanged = core_.catalogue().FindUnchanged(request, sha256)) {
+  if (auto unchanged = core_->catalogue().FindUnchanged(request, sha256)) {
     pending->result = {AddOutcome::kUnchanged, *std::move(unchanged), {}};
-    return [&core = core_, pending] {
+    return [&core = *core_, pending] {
       const Bytes bytes = pending->request.bytes;
       if (!bytes.empty()) core.writer().RestoreContent(pending->result.image, bytes);
       return pending->result;
     };
   }
-  pending->put.emplace(Prepare(core_, request, sha256, given, &pending->result.timings));
+  pending->put.emplace(Prepare(*core_, request, sha256, given, &pending->result.timings));
   pending->put->check = check;
-  return [&core = core_, pending] {
+  return [&core = *core_, pending] {
     const Stopwatch writing;
     PutOutcome stored = core.writer().Put(*pending->put);
     pending->result.timings.database_ms = writing.ms();
@@ -186,94 +182,93 @@ std::function<AddResult()> EngineImages::BeginAdd(const AddRequest& original,
   };
 }
 
-std::optional<ImageRecord> EngineImages::FindBySha256(const std::string& collection,
-                                                      const std::string& sha256) {
-  return core_.catalogue().FindBySha256(collection, sha256);
+std::optional<ImageRecord> Engine::FindBySha256(const std::string& collection,
+                                                const std::string& sha256) {
+  return core_->catalogue().FindBySha256(collection, sha256);
 }
 
-ImageRecord EngineImages::Get(const std::string& collection, const std::string& id) {
-  auto found = core_.catalogue().FindImage(collection, id);
+ImageRecord Engine::Get(const std::string& collection, const std::string& id) {
+  auto found = core_->catalogue().FindImage(collection, id);
   if (!found) throw refusals::NoImage(collection, id);
   return *std::move(found);
 }
 
-Features EngineImages::GetFeatures(const std::string& collection, const std::string& id) {
-  const Key key = core_.catalogue().RequireCollection(collection).key;
-  return core_.GetFeatures({key, id}, collection);
+Features Engine::GetFeatures(const std::string& collection, const std::string& id) {
+  const Key key = core_->catalogue().RequireCollection(collection).key;
+  return core_->GetFeatures({key, id}, collection);
 }
 
-std::vector<std::uint8_t> EngineImages::GetContent(const std::string& collection,
-                                                   const std::string& id) {
-  return core_.catalogue().ReadContent(collection, id);
+std::vector<std::uint8_t> Engine::GetContent(const std::string& collection, const std::string& id) {
+  return core_->catalogue().ReadContent(collection, id);
 }
 
-bool EngineImages::Remove(const std::string& collection, const std::string& id,
-                          const ImageCheck& check) {
-  return core_.writer().Remove(collection, id, check);
+bool Engine::Remove(const std::string& collection, const std::string& id, const ImageCheck& check) {
+  return core_->writer().Remove(collection, id, check);
 }
 
-ImagePage EngineImages::ListPage(const ImageListing& list) {
+ImagePage Engine::ListPage(const ImageListing& list) {
   CheckListing(list.which, list);
-  return core_.catalogue().ListImagePage(list);
+  return core_->catalogue().ListImagePage(list);
 }
 
-void EngineImages::ForEachPage(const ImageListing& list,
-                               const std::function<void(const ImagePage&)>& work) {
+void Engine::ForEachPage(const ImageListing& list,
+                         const std::function<void(const ImagePage&)>& work) {
   CheckListing(list.which, list);
-  core_.catalogue().ForEachImagePage(list, work);
+  core_->catalogue().ForEachImagePage(list, work);
 }
 
-void EngineImages::ForEachFeatures(
-    const ImageListing& list, const std::function<void(const ImagePage&)>& look,
-    const std::function<void(const ImageRecord&, const Features&)>& take) {
+void Engine::ForEachFeatures(const ImageListing& list,
+                             const std::function<void(const ImagePage&)>& look,
+                             const std::function<void(const ImageRecord&, const Features&)>& take) {
   CheckListing(list.which, list);
-  core_.catalogue().ForEachImageFeatures(list, look, [&](const ImageRecord& record, Bytes encoded) {
-    Features features = DecodeFeatures(encoded);
-    features.model_id = core_.model().model_id;
-    take(record, features);
-  });
+  core_->catalogue().ForEachImageFeatures(list, look,
+                                          [&](const ImageRecord& record, Bytes encoded) {
+                                            Features features = DecodeFeatures(encoded);
+                                            features.model_id = core_->model().model_id;
+                                            take(record, features);
+                                          });
 }
 
-DescriptorInfo EngineImages::Model() { return core_.model(); }
+DescriptorInfo Engine::Model() { return core_->model(); }
 
-ObjectPage EngineImages::ListPage(const ObjectListing& list) {
+ObjectPage Engine::ListPage(const ObjectListing& list) {
   CheckListing(list.which, list);
-  return core_.catalogue().ListObjectPage(list);
+  return core_->catalogue().ListObjectPage(list);
 }
 
-std::uint64_t EngineImages::RemoveWhere(const Selection& which) {
+std::uint64_t Engine::RemoveWhere(const Selection& which) {
   CheckSelection(which);
   if (which.all()) {
     throw Error(ErrorCode::kInvalidArgument, "selection_empty",
                 "Specify which images to remove. RemoveCollection removes a whole collection.");
   }
-  return core_.writer().RemoveWhere(which);
+  return core_->writer().RemoveWhere(which);
 }
 
-ImageRecord EngineImages::Change(const std::string& collection, const std::string& id,
-                                 const ImageChange& change) {
+ImageRecord Engine::Change(const std::string& collection, const std::string& id,
+                           const ImageChange& change) {
   if (change.object) CheckObject(*change.object);
   if (change.source) CheckSource(*change.source);
-  return core_.writer().ChangeImage(collection, id, change);
+  return core_->writer().ChangeImage(collection, id, change);
 }
 
-std::optional<ObjectRecord> EngineImages::GetObject(const std::string& collection,
-                                                    const std::string& object) {
-  return core_.catalogue().FindObject(collection, object);
+std::optional<ObjectRecord> Engine::GetObject(const std::string& collection,
+                                              const std::string& object) {
+  return core_->catalogue().FindObject(collection, object);
 }
 
-std::uint64_t EngineImages::RemoveObject(const std::string& collection, const std::string& object,
-                                         const ObjectCheck& check) {
-  return core_.writer().RemoveObject(collection, object, check);
+std::uint64_t Engine::RemoveObject(const std::string& collection, const std::string& object,
+                                   const ObjectCheck& check) {
+  return core_->writer().RemoveObject(collection, object, check);
 }
 
-ObjectRecord EngineImages::ChangeObject(const std::string& collection, const std::string& object,
-                                        const ObjectChange& change) {
+ObjectRecord Engine::ChangeObject(const std::string& collection, const std::string& object,
+                                  const ObjectChange& change) {
   CheckObject(change.name);
   if (change.name.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "object_invalid", "object must not be empty.");
   }
-  return core_.writer().ChangeObject(collection, object, change);
+  return core_->writer().ChangeObject(collection, object, change);
 }
 
 }  // namespace pliant

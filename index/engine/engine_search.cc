@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The face of an engine that searches, compares and locates.
+// Engine: searching, comparing and locating.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -196,7 +196,7 @@ void Validate(const SearchOptions& options) {
 // the same ranking once more; the answer whose first hit has more evidence.
 SearchResult Answer(EngineCore& core, const CollectionView& view, Features features,
                     const SearchOptions& options, const ExtractionTimings& timings,
-                    const EngineSearch::SecondPass& second = {}) {
+                    const Engine::SecondPass& second = {}) {
   CheckVocabulary(view, options);
   const auto of_region = [&](Features all) {
     if (!options.region) return all;
@@ -295,23 +295,23 @@ std::vector<ImageRef> MostSimilar(EngineCore& core, const Features& query,
 
 }  // namespace
 
-SearchResult EngineSearch::Search(Bytes encoded, const SearchOptions& options) {
+SearchResult Engine::Search(Bytes encoded, const SearchOptions& options) {
   Validate(options);
-  const CollectionView view = core_.View(options.collection);
+  const CollectionView view = core_->View(options.collection);
   CheckVocabulary(view, options);  // before any work
   ExtractionTimings timings;
-  const FeatureExtractor& extractor = core_.query_extractor();
+  const FeatureExtractor& extractor = core_->query_extractor();
   const Features features =
       options.region ? extractor.ExtractPart(encoded, *options.region, options.threads, &timings)
                      : extractor.Extract(encoded, options.threads, &timings);
-  SearchResult result = Answer(core_, view, InStoredPrecision(features), options, timings,
+  SearchResult result = Answer(*core_, view, InStoredPrecision(features), options, timings,
                                [&](ExtractionTimings* more) {
                                  return extractor.ExtractSecondPass(
                                      encoded, features, options.region, options.threads, more);
                                });
   if (!CanBeMirrored(result, options)) return result;
   const Features flipped = extractor.ExtractMirrored(encoded, options.threads, &timings);
-  SearchResult mirrored = Answer(core_, view, InStoredPrecision(flipped), options, timings);
+  SearchResult mirrored = Answer(*core_, view, InStoredPrecision(flipped), options, timings);
   const bool is_mirrored = IsMirrored(mirrored, result);
   SearchResult& answer = is_mirrored ? mirrored : result;
   SearchResult& other = is_mirrored ? result : mirrored;
@@ -322,24 +322,24 @@ SearchResult EngineSearch::Search(Bytes encoded, const SearchOptions& options) {
   return std::move(answer);
 }
 
-SearchResult EngineSearch::SearchStored(const std::string& image_id, const SearchOptions& options) {
+SearchResult Engine::SearchStored(const std::string& image_id, const SearchOptions& options) {
   Validate(options);
-  const CollectionView view = core_.View(options.collection);
-  return Answer(core_, view, core_.GetFeatures({view.collection, image_id}, options.collection),
+  const CollectionView view = core_->View(options.collection);
+  return Answer(*core_, view, core_->GetFeatures({view.collection, image_id}, options.collection),
                 options, {});
 }
 
-SearchResult EngineSearch::SearchFeatures(const Features& features, const SearchOptions& options,
-                                          const SecondPass& second) {
+SearchResult Engine::SearchFeatures(const Features& features, const SearchOptions& options,
+                                    const SecondPass& second) {
   Validate(options);
-  core_.CheckFeatures(features);
-  return Answer(core_, core_.View(options.collection), InStoredPrecision(features), options, {},
+  core_->CheckFeatures(features);
+  return Answer(*core_, core_->View(options.collection), InStoredPrecision(features), options, {},
                 second);
 }
 
-ObjectLocation EngineSearch::Locate(Bytes encoded, const std::string& collection,
-                                    const std::string& object, int threads) {
-  std::vector<ImageRef> refs = ImagesOf(core_, collection, object);
+ObjectLocation Engine::Locate(Bytes encoded, const std::string& collection,
+                              const std::string& object, int threads) {
+  std::vector<ImageRef> refs = ImagesOf(*core_, collection, object);
   if (refs.empty()) {
     throw Error(ErrorCode::kNotFound, "object_not_found",
                 "No image shows the object '" + Shown(object) + "'.");
@@ -347,17 +347,17 @@ ObjectLocation EngineSearch::Locate(Bytes encoded, const std::string& collection
   ObjectLocation result;
   result.object = object;
   const Features query =
-      InStoredPrecision(core_.extractor().Extract(encoded, threads, &result.timings));
+      InStoredPrecision(core_->extractor().Extract(encoded, threads, &result.timings));
   result.query_width = query.width;
   result.query_height = query.height;
 
   const Stopwatch watch;
   if (refs.size() > static_cast<std::size_t>(kMostCompared)) {
     refs.pop_back();
-    refs = MostSimilar(core_, query, collection, object, threads, std::move(refs));
+    refs = MostSimilar(*core_, query, collection, object, threads, std::move(refs));
   }
   std::vector<std::optional<StoredImage>> images =
-      core_.catalogue().LoadImages(refs, Load::kRecordsAndFeatures);
+      core_->catalogue().LoadImages(refs, Load::kRecordsAndFeatures);
   std::erase_if(images, [](const auto& image) { return !image; });  // removed just now
   const LocateOptions options;
   const Verifier verifier(query, options.verification);
@@ -380,13 +380,12 @@ ObjectLocation EngineSearch::Locate(Bytes encoded, const std::string& collection
   return result;
 }
 
-std::optional<Features> EngineSearch::DescribeFiner(Bytes encoded, const Features& known,
-                                                    int threads) {
-  return core_.query_extractor().ExtractSecondPass(encoded, known, {}, threads);
+std::optional<Features> Engine::DescribeFiner(Bytes encoded, const Features& known, int threads) {
+  return core_->query_extractor().ExtractSecondPass(encoded, known, {}, threads);
 }
 
-SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_ids,
-                                          const SearchOptions& options) {
+SearchResult Engine::SearchExamples(const std::vector<std::string>& image_ids,
+                                    const SearchOptions& options) {
   Validate(options);
   CheckExamples(image_ids, options);
   SearchOptions single = options;
@@ -394,16 +393,16 @@ SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_
   single.offset = 0;
   single.min_score = 0;
   single.without.insert(single.without.end(), image_ids.begin(), image_ids.end());
-  const CollectionView view = core_.View(options.collection);
+  const CollectionView view = core_->View(options.collection);
   std::vector<Features> examples;  // all, before any search
   for (const std::string& id : image_ids) {
-    examples.push_back(core_.GetFeatures({view.collection, id}, options.collection));
+    examples.push_back(core_->GetFeatures({view.collection, id}, options.collection));
   }
   SearchResult result;
   Merger merger(options.group_by, options.min_score);
   for (std::size_t i = 0; i < image_ids.size(); ++i) {
     const std::string& id = image_ids[i];
-    SearchResult one = Answer(core_, view, std::move(examples[i]), single, {});
+    SearchResult one = Answer(*core_, view, std::move(examples[i]), single, {});
     result.examples.push_back({id, one.keypoints, one.query_width, one.query_height});
     AddUp(one.timings, &result.timings);
     result.rank = one.rank;
@@ -422,7 +421,7 @@ SearchResult EngineSearch::SearchExamples(const std::vector<std::string>& image_
   return result;
 }
 
-Comparison EngineSearch::Compare(Bytes first, Bytes second, int threads) {
+Comparison Engine::Compare(Bytes first, Bytes second, int threads) {
   Comparison comparison;
   // Each as a search would have it: the first as what is stored, the second as what is asked.
   const auto describe = [&](const FeatureExtractor& extract, Bytes bytes, const char* which,
@@ -434,13 +433,13 @@ Comparison EngineSearch::Compare(Bytes first, Bytes second, int threads) {
     return features;
   };
   const Features reference =
-      InStoredPrecision(describe(core_.extractor(), first, "first", &comparison.first));
-  const Features query = describe(core_.query_extractor(), second, "second", &comparison.second);
+      InStoredPrecision(describe(core_->extractor(), first, "first", &comparison.first));
+  const Features query = describe(core_->query_extractor(), second, "second", &comparison.second);
   const std::size_t usual = query.keypoints.size();
   Conclude(InStoredPrecision(query), usual, reference, threads, &comparison);
   if (comparison.found()) return comparison;
   auto finer =
-      core_.query_extractor().ExtractSecondPass(second, query, {}, threads, &comparison.timings);
+      core_->query_extractor().ExtractSecondPass(second, query, {}, threads, &comparison.timings);
   if (!finer) return comparison;
   Comparison at_second_sight = comparison;
   at_second_sight.second = Checked(*finer, "second");

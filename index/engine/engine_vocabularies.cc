@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// The face of an engine that has the vocabularies: training, quantising, switching.
+// Engine: training vocabularies, quantising, switching.
 #include <algorithm>
 
 #include "descriptor/base/error.h"
@@ -118,13 +118,13 @@ VocabularyRecord StoreVocabulary(EngineCore& core, const CollectionState& collec
 
 }  // namespace
 
-VocabularyRecord EngineVocabularies::TrainVocabulary(const TrainOptions& options) {
+VocabularyRecord Engine::TrainVocabulary(const TrainOptions& options) {
   Validate(options);
   const std::lock_guard lock(training_mutex_);
-  const CollectionState collection = core_.catalogue().RequireCollection(options.collection);
+  const CollectionState collection = core_->catalogue().RequireCollection(options.collection);
   const std::uint64_t descriptors =
-      core_.catalogue().DescribeCollection(options.collection).descriptors;
-  const DescriptorSample sample = core_.catalogue().SampleDescriptors(
+      core_->catalogue().DescribeCollection(options.collection).descriptors;
+  const DescriptorSample sample = core_->catalogue().SampleDescriptors(
       collection.key, ChooseSample(options, descriptors), options.seed);
   KMedoidsOptions k_medoids;
   k_medoids.k = ChooseWords(options, sample);
@@ -137,45 +137,45 @@ VocabularyRecord EngineVocabularies::TrainVocabulary(const TrainOptions& options
     };
   }
   const auto vocabulary = std::make_shared<const Vocabulary>(pliant::TrainVocabulary(
-      sample.descriptors, core_.model().model_id, sample.available, k_medoids));
+      sample.descriptors, core_->model().model_id, sample.available, k_medoids));
   ThrowIfStopped(options.stop);
 
-  return OnCollection(core_.catalogue(), collection,
-                      [&] { return StoreVocabulary(core_, collection, vocabulary, options); });
+  return OnCollection(core_->catalogue(), collection,
+                      [&] { return StoreVocabulary(*core_, collection, vocabulary, options); });
 }
 
-void EngineVocabularies::UseVocabulary(const std::string& collection_name, std::int64_t id,
-                                       const UseOptions& options) {
-  const CollectionState collection = core_.catalogue().RequireCollection(collection_name);
-  const auto record = core_.catalogue().FindVocabulary(collection_name, id);
+void Engine::UseVocabulary(const std::string& collection_name, std::int64_t id,
+                           const UseOptions& options) {
+  const CollectionState collection = core_->catalogue().RequireCollection(collection_name);
+  const auto record = core_->catalogue().FindVocabulary(collection_name, id);
   if (!record) {
     throw Error(ErrorCode::kNotFound, "vocabulary_not_found",
                 "No vocabulary has the number " + std::to_string(id) + " in collection \"" +
                     collection_name + "\".");
   }
-  const std::string& model_id = core_.model().model_id;
+  const std::string& model_id = core_->model().model_id;
   if (record->model_id != model_id) {
     throw Error(ErrorCode::kConflict, "model_mismatch",
                 "Vocabulary " + std::to_string(id) + " was trained for " + record->model_id +
                     ", but the database uses " + model_id + ". Train a new vocabulary.");
   }
-  OnCollection(core_.catalogue(), collection, [&] {
-    const Quantizer quantizer(core_.catalogue().ReadVocabulary(id));
-    QuantizeMissing(core_, collection.key, id, quantizer, options.threads, options.stop,
+  OnCollection(core_->catalogue(), collection, [&] {
+    const Quantizer quantizer(core_->catalogue().ReadVocabulary(id));
+    QuantizeMissing(*core_, collection.key, id, quantizer, options.threads, options.stop,
                     [&](double share) {
                       if (options.progress) options.progress(share);
                     });
-    const auto prepared = record->active ? nullptr : core_.ranker().Prepare(collection.key, id);
-    core_.writer().SetActiveVocabulary(collection_name, id, quantizer, options.automatic);
+    const auto prepared = record->active ? nullptr : core_->ranker().Prepare(collection.key, id);
+    core_->writer().SetActiveVocabulary(collection_name, id, quantizer, options.automatic);
   });
 }
 
-std::vector<VocabularyRecord> EngineVocabularies::ListVocabularies(const std::string& collection) {
-  return core_.catalogue().ListVocabularies(collection);
+std::vector<VocabularyRecord> Engine::ListVocabularies(const std::string& collection) {
+  return core_->catalogue().ListVocabularies(collection);
 }
 
-std::uint64_t EngineVocabularies::CountUnquantized(const std::string& collection, std::int64_t id) {
-  return core_.catalogue().CountUnquantized(collection, id);
+std::uint64_t Engine::CountUnquantized(const std::string& collection, std::int64_t id) {
+  return core_->catalogue().CountUnquantized(collection, id);
 }
 
 }  // namespace pliant

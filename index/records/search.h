@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Options and results of searches (EngineSearch). Plain values.
+// Options and results of searches (Engine). Plain values.
 #pragma once
 
 #include <cstddef>

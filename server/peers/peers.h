@@ -35,8 +35,8 @@ struct PeerState {
   int part = 0;    // 1..
   int server = 0;  // 1.., as the file lists the part's
   bool answers = false;
-  std::int64_t followed = 0;  // EngineSearch::followed
-  std::string database{};     // EngineSearch::database
+  std::int64_t followed = 0;  // Engine::followed
+  std::string database{};     // Engine::database
 };
 
 // Thread-safe.
@@ -47,7 +47,8 @@ class Peers {
   // Throws what ReadPeerLayout throws.
   Peers(std::filesystem::path file, OnRequest on_request);
 
-  // By the file as it is now. A file that became invalid, or went away, is logged, and the last valid one counts.
+  // By the file as it is now. A file that became invalid, or went away, is logged, and the last
+  // valid one counts.
   std::shared_ptr<PartServers> Current();
   // Asked every few seconds.
   std::vector<PeerState> states() const;
