@@ -361,13 +361,6 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
   return parsed;
 }
 
-std::string HelpText() {
-  ServerOptions options;
-  CLI::App app("", "pliant-server");
-  Define(app, options);
-  return app.help();
-}
-
 void CheckOptions(const ServerOptions& options) {
   CheckDirectories(options);
   if (options.tls_cert.empty() != options.tls_key.empty()) {

@@ -4,7 +4,6 @@
 // precedence, and the options of its parts derived from them.
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -84,9 +83,6 @@ struct ParsedCommandLine {
 
 // Prints help, version, or a usage error (exit status 2).
 ParsedCommandLine ParseCommandLine(int argc, const char* const* argv);
-
-// The help text, for the test that compares it with the documentation.
-std::string HelpText();
 
 // Throws Error kInvalidArgument naming the flag: a path that is not a directory, a directory of
 // backups that holds the database, a certificate without key, an invalid origin.

@@ -15,7 +15,6 @@
 #include "descriptor/base/strings.h"
 #include "descriptor/base/unix_time.h"
 #include "index/files/names.h"
-#include "index/store/database_url.h"
 #include "index/store/open_store.h"
 #include "server/http/problem.h"
 

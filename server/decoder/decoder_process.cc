@@ -193,19 +193,14 @@ DecoderProcess::DecoderProcess(const DecoderOptions& options) : options_(options
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
     ThrowNotStarted("socketpair", errno);
   }
-  socket_ = ends[0];
+  socket_ = FileHandle(ends[0]);
+  const FileHandle other(ends[1]);
   const int error = SpawnPlan(ends[1]).Run(options.program.string(), Pointers(arguments).data(),
                                            Pointers(environment).data(), &pid_);
-  close(ends[1]);
-  if (error == 0) return;
-  close(socket_);
-  ThrowNotStarted(options.program.string(), error);
+  if (error != 0) ThrowNotStarted(options.program.string(), error);
 }
 
-DecoderProcess::~DecoderProcess() {
-  Kill();
-  close(socket_);
-}
+DecoderProcess::~DecoderProcess() { Kill(); }
 
 void DecoderProcess::Kill() {
   if (pid_ < 0) return;
@@ -229,7 +224,7 @@ std::string DecoderProcess::AwaitReady() {
 }
 
 void DecoderProcess::CheckAlive() {
-  pollfd waiting = {socket_, POLLIN, 0};
+  pollfd waiting = {socket_.get(), POLLIN, 0};
   if (poll(&waiting, 1, 0) == 0) return;
   if ((waiting.revents & POLLHUP) != 0) ThrowEnded();
   throw DecoderEnded(Cause::kBroken, "it sent unexpected data");
@@ -263,7 +258,7 @@ void DecoderProcess::Wait(short events, Clock::time_point deadline) {
   using std::chrono::milliseconds;
   for (;;) {
     const auto left = std::chrono::duration_cast<milliseconds>(deadline - Clock::now());
-    pollfd ready = {socket_, events, 0};
+    pollfd ready = {socket_.get(), events, 0};
     const int n = poll(&ready, 1, std::max(0, static_cast<int>(left.count())));
     if (n > 0) return;
     if (n < 0 && errno != EINTR) ThrowEnded();
@@ -279,14 +274,14 @@ void DecoderProcess::Wait(short events, Clock::time_point deadline) {
 void DecoderProcess::Send(const void* from, std::size_t bytes, Clock::time_point deadline) {
   const auto* next = static_cast<const char*>(from);
   Transfer(bytes, POLLOUT, deadline, [&](std::size_t done) {
-    return send(socket_, next + done, bytes - done, MSG_NOSIGNAL | MSG_DONTWAIT);
+    return send(socket_.get(), next + done, bytes - done, MSG_NOSIGNAL | MSG_DONTWAIT);
   });
 }
 
 void DecoderProcess::Receive(void* to, std::size_t bytes, Clock::time_point deadline) {
   auto* next = static_cast<char*>(to);
   Transfer(bytes, POLLIN, deadline, [&](std::size_t done) {
-    return recv(socket_, next + done, bytes - done, MSG_DONTWAIT);
+    return recv(socket_.get(), next + done, bytes - done, MSG_DONTWAIT);
   });
 }
 

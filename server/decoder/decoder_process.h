@@ -16,6 +16,7 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/image/image.h"
+#include "index/files/durable_file.h"
 
 namespace pliant::server {
 
@@ -84,7 +85,7 @@ class DecoderProcess {
 
   const DecoderOptions options_;
   pid_t pid_ = -1;  // -1 = waited for
-  int socket_ = -1;
+  FileHandle socket_;
 };
 
 }  // namespace pliant::server

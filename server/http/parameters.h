@@ -4,12 +4,10 @@
 // from the keys of a JSON body. Every refusal is a ProblemError that names the parameter.
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -26,6 +24,17 @@ struct ImageText {
   std::optional<std::string> base64 = {};
   std::optional<std::string> url = {};
 };
+
+// What the words of a choice mean.
+template <typename T>
+using Choices = std::vector<std::pair<std::string, T>>;
+
+template <typename T>
+std::vector<std::string> NamesOf(const Choices<T>& choices) {
+  std::vector<std::string> names;
+  for (const auto& [name, meaning] : choices) names.push_back(name);
+  return names;
+}
 
 class Parameters {
  public:
@@ -59,8 +68,7 @@ class Parameters {
   const ImageText* Image(const std::string& name = {}) const;
 
   template <typename T>
-  std::optional<T> Choice(const std::string& name,
-                          const std::vector<std::pair<std::string, T>>& choices) const {
+  std::optional<T> Choice(const std::string& name, const Choices<T>& choices) const {
     const auto text = Get<std::string>(name);
     if (!text) return std::nullopt;
     for (const auto& [choice, value] : choices) {

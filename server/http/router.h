@@ -124,8 +124,8 @@ struct Route {
   // Problem codes beyond those that follow from the method, the scope, the body, the path and the
   // parameters (openapi/document.h).
   std::vector<std::string> codes = {};
-  // A shell command that uses the route, if a plain request is not enough; openapi/document.h
-  // explains its variables. A test runs it.
+  // A shell command that uses the route, or only what a plain request by curl lacks;
+  // openapi/document.h explains its variables. A test runs it.
   std::string example = {};
   Handler handler;
   // Makes the sink for a body in chunks or beyond the server's limit, after the checks of the head

@@ -29,6 +29,11 @@ constexpr std::size_t kMaxNameBytes = 64 * 1024;
                                         std::to_string(at) + ".");
 }
 
+[[noreturn]] void ThrowTooMany(const std::string& where, const std::string& what) {
+  ThrowInvalid("body", "The " + where + " has more than " + std::to_string(kMostBulkItems) + " " +
+                           what + ". Send it in parts.");
+}
+
 // A field of a header: text up to its first zero.
 std::string_view TextOf(std::string_view field) { return field.substr(0, field.find('\0')); }
 
@@ -175,8 +180,7 @@ std::vector<BulkItems::Raw> BulkItems::ReadLines(std::string_view body) {
     }
     begin = end + 1;
     if (lines.size() > kMostBulkItems) {
-      ThrowInvalid("body", "The body has more than " + std::to_string(kMostBulkItems) +
-                               " lines. Send it in parts.");
+      ThrowTooMany("body", "lines");
     }
   }
   return lines;
@@ -188,8 +192,7 @@ std::vector<BulkItems::Raw> BulkItems::ReadTable(std::string_view body) {
   const std::vector<std::string_view>& rows = *read;
   if (rows.empty()) return {};
   if (rows.size() > kMostBulkItems + 1) {
-    ThrowInvalid("body", "The table has more than " + std::to_string(kMostBulkItems) +
-                             " rows. Send it in parts.");
+    ThrowTooMany("table", "rows");
   }
   separator_ = SeparatorOf(rows[0]);
   for (const std::string& name : CsvFields(rows[0], separator_)) {
@@ -246,8 +249,7 @@ std::vector<BulkItems::Raw> BulkItems::ReadTar(std::string_view archive) {
       if (is_file && kind == Kind::kOrdinary) files.push_back({name, content});
       if (is_file && kind == Kind::kSystem) ++system_files_;
       if (files.size() > kMostBulkItems) {
-        ThrowInvalid("body", "The archive has more than " + std::to_string(kMostBulkItems) +
-                                 " files. Send it in parts.");
+        ThrowTooMany("archive", "files");
       }
       next = {};
     }

@@ -65,9 +65,7 @@ std::string ImportFolder(const ImportServices& services, const JobStatus& job,
   how.progress = [&](std::uint64_t done, std::uint64_t total) {
     context.progress(static_cast<double>(done), static_cast<double>(total));
   };
-  how.skipped = [&](const SkippedFile& file) {
-    context.skipped({file.file, file.code, file.reason});
-  };
+  how.skipped = context.skipped;
   how.add = [&](const AddRequest& request) {
     return AddAndTell(services, job, request, context.stop);
   };
@@ -80,10 +78,10 @@ std::string FileOf(const JobStatus& job) { return job.parameters.value("file", "
 
 struct Outcome {
   Json json;
-  std::optional<SkippedItem> skipped;
+  std::optional<SkippedFile> skipped;
 };
 
-SkippedItem SkippedOf(const std::string& name, const Json& problem) {
+SkippedFile SkippedOf(const std::string& name, const Json& problem) {
   return {name, problem.value("code", ""), problem.value("detail", "")};
 }
 

@@ -100,7 +100,7 @@ void JobRunner::Execute(const JobStore::OwnJobPtr& job) {
   const JobContext context{
       job->stop.get_token(),
       [this, &job](double done, double total) { store_.Progress(job, done, total); },
-      [this, &job](const SkippedItem& item) { store_.Skip(job, item); },
+      [this, &job](const SkippedFile& item) { store_.Skip(job, item); },
       [this, &job](std::uint64_t files) { store_.SetSystemFiles(job, files); }};
   const JobStatus status = store_.Snapshot(job).status;
   std::string result;

@@ -20,7 +20,7 @@ namespace pliant::server {
 struct JobContext {
   std::stop_token stop;
   std::function<void(double done, double total)> progress;
-  std::function<void(const SkippedItem&)> skipped;
+  std::function<void(const SkippedFile&)> skipped;
   std::function<void(std::uint64_t)> system_files;  // their number; see ImageFiles
 };
 

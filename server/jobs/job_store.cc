@@ -38,8 +38,8 @@ JobRecord ToRecord(const JobStatus& status, const std::string& owner) {
                          {"parameter", status.problem->parameter},
                          {"detail", status.problem->detail}};
   }
-  for (const SkippedItem& item : status.skipped) {
-    report["skipped"].push_back({item.item, item.code, item.reason});
+  for (const SkippedFile& item : status.skipped) {
+    report["skipped"].push_back({item.file, item.code, item.reason});
   }
   if (status.system_files > 0) report["system_files"] = status.system_files;
   return {status, ToText(status.parameters), JobStateName(status.state), ToText(report), owner};
@@ -286,7 +286,7 @@ void JobStore::Progress(const OwnJobPtr& job, double done, double total) {
   Save(job, status);
 }
 
-void JobStore::Skip(const OwnJobPtr& job, const SkippedItem& item) {
+void JobStore::Skip(const OwnJobPtr& job, const SkippedFile& item) {
   const std::lock_guard lock(mutex_);
   ++job->status.failed;
   if (job->status.skipped.size() < kMaxSkipped) job->status.skipped.push_back(item);

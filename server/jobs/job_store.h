@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "index/files/image_files.h"
 #include "index/json/json.h"
 #include "index/store/service_store.h"
 #include "server/http/problem.h"
@@ -29,17 +30,10 @@ enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
 std::string JobStateName(JobState state);
 bool IsActive(JobState state);  // it has not ended
 
-// One item that a job left out, and why.
-struct SkippedItem {
-  std::string item;
-  std::string code;
-  std::string reason;
-};
-
 struct JobStatus : JobFields {
   Json parameters = Json::object();
   JobState state = JobState::kQueued;
-  std::vector<SkippedItem> skipped = {};  // the first JobStore::kMaxSkipped of them
+  std::vector<SkippedFile> skipped = {};  // items; the first JobStore::kMaxSkipped of them
   std::uint64_t system_files = 0;         // of an import: left out; see ImageFiles
   std::optional<Problem> problem = {};    // when kFailed
 };
@@ -127,7 +121,7 @@ class JobStore {
   bool IsOwn(const OwnJobPtr& job) const;  // false once another server has adopted it
   OwnJob Snapshot(const OwnJobPtr& job) const;
   void Progress(const OwnJobPtr& job, double done, double total);
-  void Skip(const OwnJobPtr& job, const SkippedItem& item);
+  void Skip(const OwnJobPtr& job, const SkippedFile& item);
   void SetSystemFiles(const OwnJobPtr& job, std::uint64_t files);
   // Writes the state; a failure is logged. False: it could not be written.
   bool Save(const OwnJobPtr& job, const JobStatus& status);

@@ -233,14 +233,16 @@ Json PathParameter(const Place& place) {
 }
 
 std::string ExampleOf(const Route& route) {
-  if (!route.example.empty()) return route.example;
+  if (route.example.find("$PLIANT") != std::string::npos) return route.example;
   std::string path = route.pattern;
   for (const auto& [at, place] : PlacesOf(route)) {
     const std::string_view capture = place->pattern.substr(place->pattern.find('{'));
     path.replace(path.find(capture), capture.size(), place->example);
   }
-  return "curl " + (route.method == "GET" ? "" : "-X " + route.method + " ") + "\"$PLIANT" + path +
-         "\"";
+  const bool posts = route.method == "POST" && !route.example.empty();  // curl does so by itself
+  const bool names_method = route.method != "GET" && !posts;
+  return "curl " + (names_method ? "-X " + route.method + " " : "") + route.example +
+         (route.example.empty() ? "" : " ") + "\"$PLIANT" + path + "\"";
 }
 
 Json Properties(const Route& route) {

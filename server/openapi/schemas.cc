@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The schemas of answers and bodies (JSON Schema 2020-12). A test checks every answer of the
 // examples against them.
-#include <map>
 #include <string>
 #include <string_view>
 

@@ -75,8 +75,8 @@ Json JobJson(const JobStatus& job) {
                {"finished_at", nullptr}};
   if (job.finished_ms != 0) json["finished_at"] = IsoTime(job.finished_ms);
   if (!job.result.empty()) json["result"] = job.result;
-  for (const SkippedItem& item : job.skipped) {
-    json["skipped"].push_back({{"item", item.item}, {"code", item.code}, {"reason", item.reason}});
+  for (const SkippedFile& item : job.skipped) {
+    json["skipped"].push_back({{"item", item.file}, {"code", item.code}, {"reason", item.reason}});
   }
   if (job.problem) json["problem"] = ProblemSummary(*job.problem);
   return json;

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // Backups into the operator's directory while the server runs.
-#include "server/http/problem.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
@@ -66,7 +65,7 @@ void AddBackupRoutes(RouteTable& table) {
       .Sends(kFileType, "the file, with ETag")
       .Sends(kFileType, "the bytes that Range asks for", 206)
       .AnswersNotModified()
-      .Example(R"(curl -o copy.db "$PLIANT/v1/backups/$BACKUP/content")");
+      .Example(R"(-o copy.db)");
   table.Add("DELETE /v1/backups/{b}", "backups.delete", Delete)
       .Summary("Delete a backup")
       .Needs(Scope::kAdmin)

@@ -141,8 +141,7 @@ void AddAliasRoutes(RouteTable& table) {
       .Patches("AliasesPatch")
       .Answers(200, "all aliases after the change", "AliasList")
       .Codes({"alias_not_found", "collection_not_found", "collection_exists"})
-      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-               R"(-d '{"live": "default", "before": null}' "$PLIANT/v1/aliases")");
+      .ExampleBody(R"({"live": "default", "before": null})");
   table.Add("PUT /v1/aliases/{a}", "aliases.put", PutAlias)
       .Summary("Create an alias, or move it to another collection")
       .Needs(Scope::kAdmin)
@@ -151,8 +150,7 @@ void AddAliasRoutes(RouteTable& table) {
       .Answers(201, "created", "Alias")
       .Answers(200, "moved or unchanged", "Alias")
       .Codes({"collection_not_found", "collection_exists", "invalid_parameter"})
-      .Example(R"(curl -X PUT -H "Content-Type: application/json" )"
-               R"(-d '{"collection": "default"}' "$PLIANT/v1/aliases/live")");
+      .ExampleBody(R"({"collection": "default"})");
   table.Add("DELETE /v1/aliases/{a}", "aliases.delete", DeleteAlias)
       .Summary("Delete an alias; the collection stays")
       .Needs(Scope::kAdmin)
@@ -182,9 +180,7 @@ void AddCollectionRoutes(RouteTable& table) {
       .Patches("CollectionPatch")
       .Answers(200, "the collection after the change", "Collection")
       .Codes({"invalid_parameter"})
-      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-               R"(-d '{"display_name": "Summer shirts 2026!"}' )"
-               R"("$PLIANT/v1/collections/default")");
+      .ExampleBody(R"({"display_name": "Summer shirts 2026!"})");
   table.Add("POST /v1/collections/{c}/selftest", "collections.test", StartSelfTest)
       .Summary(
           "Predict how well photos of the collection's objects will be found, in the background")
@@ -200,8 +196,7 @@ void AddCollectionRoutes(RouteTable& table) {
                   .Integer(0, std::numeric_limits<std::int64_t>::max())
                   .Default("1")})
       .Answers(202, "the job; its result is the report", "Job")
-      .Example(R"(curl -H "Content-Type: application/json" -d '{"pictures": 6}' )"
-               R"("$PLIANT/v1/collections/default/selftest")");
+      .ExampleBody(R"({"pictures": 6})");
   table.Add("GET /v1/collections/{c}/selftest", "collections.tested", GetSelfTest)
       .Summary("Get the report of the collection's last self-test")
       .Answers(200, "the report; null before the first", "SelfTest");

@@ -82,7 +82,7 @@ void AddCompareRoutes(RouteTable& table) {
               Parameter("second", "the second image, likewise").Image(),
               Parameter("explain", "add the inliers and the warp").Boolean().Default("false")})
       .Answers(200, "the comparison", "Comparison")
-      .Example(R"(curl -F image=@mug.png -F image=@cup.png "$PLIANT/v1/compare")");
+      .Example(R"(-F image=@mug.png -F image=@cup.png)");
 }
 
 }  // namespace pliant::server

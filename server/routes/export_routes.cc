@@ -86,7 +86,7 @@ void AddExportRoutes(RouteTable& table) {
       .Sends(kNpzType,
              "arrays keypoints, descriptors, starts, names (ids), objects, width, height, model_id")
       .Codes({"no_space", "read_only"})
-      .Example(R"(curl -o features.npz "$PLIANT/v1/collections/default/features")");
+      .Example(R"(-o features.npz)");
 }
 
 }  // namespace pliant::server

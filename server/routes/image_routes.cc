@@ -83,7 +83,7 @@ Response Put(Service& service, const Request& request, const Parameters& paramet
   return Add(service, request, parameters, request.captures.at("id"), CheckOf(request));
 }
 
-const Orders<ImageOrder> kImageOrders = {
+const Choices<ImageOrder> kImageOrders = {
     {"id", ImageOrder::kId},           {"created", ImageOrder::kCreated},
     {"updated", ImageOrder::kUpdated}, {"object", ImageOrder::kObject},
     {"source", ImageOrder::kSource},   {"metadata.KEY", ImageOrder::kMetadata}};
@@ -244,8 +244,7 @@ void AddUploadRoutes(RouteTable& table) {
               MetadataParameter()})
       .Answers(201, "added", "Image")
       .Answers(200, "unchanged: the collection already has the same bytes", "Image")
-      .Example(R"(curl -F image=@mug.png -F object=mug )"
-               R"("$PLIANT/v1/collections/default/images")");
+      .Example(R"(-F image=@mug.png -F object=mug)");
   table.Add("PUT /v1/collections/{c}/images/{id}", "images.put", Put)
       .Summary("Add or replace the image with this id")
       .Body(BodyKind::kImageOrJson)
@@ -260,7 +259,7 @@ void AddUploadRoutes(RouteTable& table) {
       .Needs(Scope::kRead)
       .Body(BodyKind::kImageOrJson)
       .Sends("image/jpeg", "the preview")
-      .Example(R"(curl -F image=@mug.png -o small.jpg "$PLIANT/v1/preview")");
+      .Example(R"(-F image=@mug.png -o small.jpg)");
 }
 
 void AddRecordRoutes(RouteTable& table) {
@@ -275,9 +274,7 @@ void AddRecordRoutes(RouteTable& table) {
       .TakesIfMatch()
       .Answers(200, "the record after the change", "Image")
       .Codes({"image_exists"})
-      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-               R"(-d '{"metadata": {"shelf": 5}}' )"
-               R"("$PLIANT/v1/collections/default/images/$IMAGE")");
+      .ExampleBody(R"({"metadata": {"shelf": 5}})");
   table.Add("DELETE /v1/collections/{c}/images/{id}", "images.delete", Delete)
       .Summary("Delete an image; later answers do not contain it")
       .TakesIfMatch()
@@ -324,8 +321,7 @@ void AddImageRoutes(RouteTable& table) {
       .Summary("Delete all images whose metadata match a filter, in one transaction")
       .Takes({FilterParameter().Required(), OfObjectParameter(), TextParameter()})
       .Answers(200, "the number of deleted images", "ImagesDeleted")
-      .Example(R"(curl -X DELETE -G --data-urlencode 'filter={"batch": 7}' )"
-               R"("$PLIANT/v1/collections/default/images")");
+      .Example(R"(-G --data-urlencode 'filter={"batch": 7}')");
   AddRecordRoutes(table);
   AddDataRoutes(table);
 }

@@ -96,8 +96,7 @@ void AddImportRoutes(RouteTable& table) {
                                "else stem (the file name)")})
       .Answers(202, "the job; Location has its address", "Job")
       .Codes({"imports_off"})
-      .Example(R"(curl -H "Content-Type: application/json" -d '{"folder": "shelf"}' )"
-               R"("$PLIANT/v1/collections/default/imports")");
+      .ExampleBody(R"({"folder": "shelf"})");
   table.Add("GET /v1/collections/{c}/demo", "demo.get", GetDemonstration)
       .Summary("List the demonstration objects, and whether the collection has them")
       .Answers(200, "all demonstration objects", "Demo");

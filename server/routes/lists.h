@@ -42,19 +42,9 @@ std::vector<Parameter> ListParameters(const std::vector<std::string>& orders);
 // "invalid_parameter", and what ParseFilter throws.
 Selection SelectionOf(const Parameters& parameters, const std::string& collection);
 
-template <typename Order>
-using Orders = std::vector<std::pair<std::string, Order>>;
-
-template <typename Order>
-std::vector<std::string> NamesOf(const Orders<Order>& orders) {
-  std::vector<std::string> names;
-  for (const auto& [name, order] : orders) names.push_back(name);
-  return names;
-}
-
 // The parameter "sort", without its minus; the first of `orders` by default.
 template <typename Order>
-Order OrderOf(const Parameters& parameters, const Orders<Order>& orders) {
+Order OrderOf(const Parameters& parameters, const Choices<Order>& orders) {
   std::string sort = parameters.Text("sort").value_or(orders.front().first);
   if (sort.starts_with('-')) sort.erase(0, 1);
   return std::find_if(orders.begin(), orders.end(),
@@ -77,7 +67,7 @@ PageOptions PageOptionsOf(const Parameters& parameters, const std::string& ident
 // request asks for them. `Listing` and `to_json`: what the engine lists, and one record as JSON.
 template <typename Listing, typename Order, typename ToJson>
 Response ListAnswer(Service& service, const Request& request, const Parameters& parameters,
-                    const char* name, const Orders<Order>& orders, ToJson to_json) {
+                    const char* name, const Choices<Order>& orders, ToJson to_json) {
   Listing list;
   list.which = SelectionOf(parameters, CollectionOf(service, request));
   const std::string identity = ListIdentity(name, list.which, parameters);

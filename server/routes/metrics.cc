@@ -62,50 +62,31 @@ std::optional<EngineStats> StoreFigures::Get() {
 }
 
 class Metrics::Impl {
+  using Counters = prometheus::Family<prometheus::Counter>;
+  using GaugeFamily = prometheus::Family<prometheus::Gauge>;
+  using Histograms = prometheus::Family<prometheus::Histogram>;
+
  public:
   prometheus::Registry registry;
-  prometheus::Family<prometheus::Counter>& requests =
-      prometheus::BuildCounter()
-          .Name("pliant_http_requests_total")
-          .Help("Requests by route, method and status")
-          .Register(registry);
-  prometheus::Family<prometheus::Histogram>& request_seconds =
-      prometheus::BuildHistogram()
-          .Name("pliant_http_request_seconds")
-          .Help("From the first byte of a request to the last of its answer, by route")
-          .Register(registry);
-  prometheus::Family<prometheus::Counter>& part_requests =
-      prometheus::BuildCounter()
-          .Name("pliant_part_requests_total")
-          .Help("Requests to servers that hold parts of the index, by part and outcome")
-          .Register(registry);
-  prometheus::Family<prometheus::Histogram>& part_seconds =
-      prometheus::BuildHistogram()
-          .Name("pliant_part_seconds")
-          .Help("Answered requests to servers that hold parts of the index, by part")
-          .Register(registry);
-  prometheus::Family<prometheus::Histogram>& stage_seconds =
-      prometheus::BuildHistogram()
-          .Name("pliant_stage_seconds")
-          .Help("Stages of searching and of adding an image")
-          .Register(registry);
-  prometheus::Family<prometheus::Counter>& decoders_ended =
-      prometheus::BuildCounter()
-          .Name("pliant_decoders_ended_total")
-          .Help("Child processes that ended, by cause")
-          .Register(registry);
+  Counters& requests =
+      MakeCounters("pliant_http_requests_total", "Requests by route, method and status");
+  Histograms& request_seconds =
+      MakeHistograms("pliant_http_request_seconds",
+                     "From the first byte of a request to the last of its answer, by route");
+  Counters& part_requests =
+      MakeCounters("pliant_part_requests_total",
+                   "Requests to servers that hold parts of the index, by part and outcome");
+  Histograms& part_seconds = MakeHistograms(
+      "pliant_part_seconds", "Answered requests to servers that hold parts of the index, by part");
+  Histograms& stage_seconds =
+      MakeHistograms("pliant_stage_seconds", "Stages of searching and of adding an image");
+  Counters& decoders_ended =
+      MakeCounters("pliant_decoders_ended_total", "Child processes that ended, by cause");
+  Counters& searches = MakeCounters("pliant_searches_total", "Searches by collection");
+  Counters& images_added = MakeCounters("pliant_images_added_total",
+                                        "Images added or replaced by uploads, by collection");
 
-  prometheus::Family<prometheus::Counter>& searches = prometheus::BuildCounter()
-                                                          .Name("pliant_searches_total")
-                                                          .Help("Searches by collection")
-                                                          .Register(registry);
-  prometheus::Family<prometheus::Counter>& images_added =
-      prometheus::BuildCounter()
-          .Name("pliant_images_added_total")
-          .Help("Images added or replaced by uploads, by collection")
-          .Register(registry);
-
-  void CountIn(prometheus::Family<prometheus::Counter>& family, const std::string& collection) {
+  void CountIn(Counters& family, const std::string& collection) {
     const std::lock_guard lock(mutex_);
     if (collections_.size() < kMostCollections) collections_.insert(collection);
     family.Add({{"collection", collections_.contains(collection) ? collection : kOtherCollections}})
@@ -114,6 +95,12 @@ class Metrics::Impl {
 
   void Observe(const char* operation, const char* stage, double ms) {
     stage_seconds.Add({{"operation", operation}, {"stage", stage}}, kSeconds).Observe(ms / 1000);
+  }
+
+  void ObserveExtraction(const char* operation, const ExtractionTimings& timings) {
+    Observe(operation, "decode", timings.decode_ms);
+    Observe(operation, "detect", timings.detect_ms);
+    Observe(operation, "describe", timings.describe_ms);
   }
 
   void SetLoad(const MetricsNow& now) {
@@ -155,8 +142,12 @@ class Metrics::Impl {
   }
 
  private:
-  using GaugeFamily = prometheus::Family<prometheus::Gauge>;
-
+  Counters& MakeCounters(const char* name, const char* help) {
+    return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
+  }
+  Histograms& MakeHistograms(const char* name, const char* help) {
+    return prometheus::BuildHistogram().Name(name).Help(help).Register(registry);
+  }
   // Makes the family, or finds the one of that name.
   GaugeFamily& Gauges(const char* name, const char* help) {
     return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
@@ -225,9 +216,7 @@ void Metrics::OnRequest(const RequestRecord& record) {
 
 void Metrics::OnSearch(const SearchTimings& timings, const std::string& collection) {
   impl_->CountIn(impl_->searches, collection);
-  impl_->Observe("search", "decode", timings.extraction.decode_ms);
-  impl_->Observe("search", "detect", timings.extraction.detect_ms);
-  impl_->Observe("search", "describe", timings.extraction.describe_ms);
+  impl_->ObserveExtraction("search", timings.extraction);
   impl_->Observe("search", "quantize", timings.quantize_ms);
   impl_->Observe("search", "rank", timings.rank_ms);
   impl_->Observe("search", "verify", timings.verify_ms);
@@ -236,9 +225,7 @@ void Metrics::OnSearch(const SearchTimings& timings, const std::string& collecti
 
 void Metrics::OnAdd(const AddTimings& timings, const std::string& collection) {
   impl_->CountIn(impl_->images_added, collection);
-  impl_->Observe("add", "decode", timings.extraction.decode_ms);
-  impl_->Observe("add", "detect", timings.extraction.detect_ms);
-  impl_->Observe("add", "describe", timings.extraction.describe_ms);
+  impl_->ObserveExtraction("add", timings.extraction);
   impl_->Observe("add", "quantize", timings.quantize_ms);
   impl_->Observe("add", "database", timings.database_ms);
 }

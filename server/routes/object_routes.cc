@@ -34,10 +34,10 @@ Json ObjectJson(Service& service, const std::string& collection, const ObjectRec
   return ObjectJson(object, images.empty() ? std::string() : images.front().id);
 }
 
-const Orders<ObjectOrder> kObjectOrders = {{"object", ObjectOrder::kName},
-                                           {"created", ObjectOrder::kCreated},
-                                           {"updated", ObjectOrder::kUpdated},
-                                           {"images", ObjectOrder::kImages}};
+const Choices<ObjectOrder> kObjectOrders = {{"object", ObjectOrder::kName},
+                                            {"created", ObjectOrder::kCreated},
+                                            {"updated", ObjectOrder::kUpdated},
+                                            {"images", ObjectOrder::kImages}};
 
 Response List(Service& service, const Request& request, const Parameters& parameters) {
   return ListAnswer<ObjectListing>(service, request, parameters, "objects", kObjectOrders,
@@ -114,8 +114,7 @@ void AddObjectRoutes(RouteTable& table) {
       .TakesIfMatch()
       .Answers(200, "the object after the change", "Object")
       .Codes({"object_exists", "image_exists"})
-      .Example(R"(curl -X PATCH -H "Content-Type: application/merge-patch+json" )"
-               R"(-d '{"object": "tea mug"}' "$PLIANT/v1/collections/default/objects/mug")");
+      .ExampleBody(R"({"object": "tea mug"})");
   table.Add("DELETE /v1/collections/{c}/objects/{o}", "objects.delete", Delete)
       .Summary("Delete all images of an object")
       .TakesIfMatch()
@@ -126,8 +125,7 @@ void AddObjectRoutes(RouteTable& table) {
       .Body(BodyKind::kImageOrJson)
       .Answers(200, "the outline, or that the photo does not show the object", "Location")
       .Codes({"part_unavailable"})
-      .Example(R"(curl -F image=@mug.png )"
-               R"("$PLIANT/v1/collections/default/objects/mug/locate")");
+      .Example(R"(-F image=@mug.png)");
 }
 
 }  // namespace pliant::server

@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "descriptor/base/strings.h"
-#include "server/http/problem.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
 

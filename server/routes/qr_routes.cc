@@ -56,8 +56,8 @@ void AddQrRoutes(RouteTable& table) {
       .Takes({Parameter("text", "what the code says, up to 512 bytes").Required()})
       .Sends("image/svg+xml", "the code, dark on light, with its margin")
       .WithoutIndex()
-      .Example(R"(curl -H "Content-Type: application/json" -d '{"text": "https://example.org"}' )"
-               R"(-o qr.svg "$PLIANT/v1/qr")");
+      .Example(
+          R"(-H "Content-Type: application/json" -d '{"text": "https://example.org"}' -o qr.svg)");
 }
 
 }  // namespace pliant::server

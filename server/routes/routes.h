@@ -73,6 +73,12 @@ class RouteTable {
   }
   RouteTable& Codes(std::vector<std::string> codes) { return Set(&Route::codes, std::move(codes)); }
   RouteTable& Example(std::string command) { return Set(&Route::example, std::move(command)); }
+  // A request with this JSON in its body; call it after Body() and Patches().
+  RouteTable& ExampleBody(const std::string& json) {
+    const bool is_patch = routes_.back().body == BodyKind::kMergePatch;
+    return Example(std::string("-H \"Content-Type: application/") +
+                   (is_patch ? "merge-patch+json" : "json") + "\" -d '" + json + "'");
+  }
 
   std::vector<Route>& routes() { return routes_; }
 

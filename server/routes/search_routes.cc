@@ -32,6 +32,12 @@ constexpr std::int64_t kLargestDepth = 10'000;
 constexpr std::int64_t kMostInstances = 100;
 constexpr double kLargestCoordinate = 1e6;
 
+const Choices<GroupBy> kGroupings = {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}};
+const Choices<RankMethod> kRankings = {{"neighbours", RankMethod::kNeighbours},
+                                       {"histogram", RankMethod::kHistogram}};
+const Choices<Verification> kVerifications = {{"none", Verification::kNone},
+                                              {"tps", Verification::kTps}};
+
 // The query is an uploaded image, a stored one, or several stored ones.
 struct SearchQuery {
   UploadedImage image;  // without the other two
@@ -53,17 +59,17 @@ std::vector<Parameter> SearchParameters() {
       Parameter("limit", "hits per page; 0: all").Integer(0, kLargestLimit).Default("10"),
       Parameter("offset", "hits to skip before the page").Integer(0, kLargestOffset).Default("0"),
       Parameter("group_by", "object: each object once, with its best image; or image")
-          .Choice({"object", "image"})
+          .Choice(NamesOf(kGroupings))
           .Default("object"),
       Parameter(
           "rank",
           "neighbours: votes of nearest neighbours; histogram: the paper's histogram distance")
-          .Choice({"neighbours", "histogram"})
+          .Choice(NamesOf(kRankings))
           .Default("neighbours"),
       Parameter("verify",
                 "tps: verify that the matches of the best hits fit one smooth warp; none: no "
                 "verification. Default: tps, or none if rank is histogram")
-          .Choice({"none", "tps"}),
+          .Choice(NamesOf(kVerifications)),
       Parameter("verify_depth",
                 "number of candidates to verify. Default: adaptive, 30 to 100 or the square root "
                 "of the collection's size, while candidates match; twice that if none matches")
@@ -112,18 +118,9 @@ SearchOptions OptionsOf(const Parameters& parameters, const std::string& collect
   options.collection = collection;
   options.limit = parameters.Value<std::size_t>("limit");
   options.offset = parameters.Value<std::size_t>("offset");
-  options.group_by =
-      parameters
-          .Choice<GroupBy>("group_by", {{"object", GroupBy::kObject}, {"image", GroupBy::kImage}})
-          .value_or(options.group_by);
-  options.rank = parameters
-                     .Choice<RankMethod>("rank", {{"neighbours", RankMethod::kNeighbours},
-                                                  {"histogram", RankMethod::kHistogram}})
-                     .value_or(options.rank);
-  options.verify = parameters
-                       .Choice<Verification>(
-                           "verify", {{"none", Verification::kNone}, {"tps", Verification::kTps}})
-                       .value_or(options.verify);
+  options.group_by = parameters.Choice("group_by", kGroupings).value_or(options.group_by);
+  options.rank = parameters.Choice("rank", kRankings).value_or(options.rank);
+  options.verify = parameters.Choice("verify", kVerifications).value_or(options.verify);
   options.min_score = parameters.Value<double>("min_score");
   options.object = parameters.Text("object");
   options.verify_depth =
@@ -361,8 +358,7 @@ void AddSearchRoutes(RouteTable& table) {
       .Sends("image/jpeg", "with draw: the photo")
       .Sends("image/png", "with draw: the photo")
       .Codes({"image_not_found", "no_vocabulary", "content_not_kept", "part_unavailable"})
-      .Example(R"(curl -F image=@mug.png -F limit=3 )"
-               R"("$PLIANT/v1/collections/default/search")");
+      .Example(R"(-F image=@mug.png -F limit=3)");
   table.Add("POST /v1/collections/{c}/search:batch", "search.batch", SearchBatch)
       .Summary("Run several searches; each gets its own answer or problem")
       .Needs(Scope::kRead)
@@ -372,9 +368,8 @@ void AddSearchRoutes(RouteTable& table) {
                   .JsonList()
                   .Required()})
       .Answers(207, "one result for each search, in the same order", "SearchBatchAnswer")
-      .Example(R"(curl -H "Content-Type: application/json" )"
-               R"(-d "{\"searches\": [{\"image_id\": \"$IMAGE\", \"limit\": 3}]}" )"
-               R"("$PLIANT/v1/collections/default/search:batch")");
+      .Example(R"(-H "Content-Type: application/json" )"
+               R"(-d "{\"searches\": [{\"image_id\": \"$IMAGE\", \"limit\": 3}]}")");
 }
 
 }  // namespace pliant::server

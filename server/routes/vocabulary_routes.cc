@@ -81,8 +81,7 @@ void AddVocabularyRoutes(RouteTable& table) {
                .Boolean()
                .Default("true")})
       .Answers(202, "the job; Location has its address", "Job")
-      .Example(R"(curl -H "Content-Type: application/json" -d '{"words": 20}' )"
-               R"("$PLIANT/v1/collections/default/vocabularies")");
+      .ExampleBody(R"({"words": 20})");
   table.Add("GET /v1/collections/{c}/vocabularies", "vocabularies.list", List)
       .Summary("List the vocabularies of a collection, oldest first")
       .Answers(200, "all vocabularies", "VocabularyList");

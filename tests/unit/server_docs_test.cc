@@ -131,7 +131,10 @@ TEST(Metrics, KeepsOneVocabularyAtATime) {
 }
 
 TEST(ServerReference, ListsEveryFlagWithItsDefault) {
-  const std::string help = HelpText();
+  const char* argv[] = {"pliant-server", "--help"};
+  testing::internal::CaptureStdout();
+  ParseCommandLine(2, argv);
+  const std::string help = testing::internal::GetCapturedStdout();
   const std::set<std::string> documented =
       FirstGroups(Section("flags.md", "Flags"), R"(\| `(--[a-z-]+)`)");
   std::set<std::string> offered = FirstGroups(help, R"(\n +(?:-h,)?(--[a-z-]+))");

@@ -52,7 +52,7 @@ TEST_F(JobsTest, RunReportAndAreRemembered) {
   EXPECT_EQ(kept.state, JobState::kDone);
   EXPECT_EQ(kept.result, "/result");
   ASSERT_EQ(kept.skipped.size(), 1U);
-  EXPECT_EQ(kept.skipped[0].item, "a.png");
+  EXPECT_EQ(kept.skipped[0].file, "a.png");
   EXPECT_EQ(kept.finished_ms, done.finished_ms);
   EXPECT_EQ(kept.parameters, done.parameters);
 }
