@@ -2,10 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <csignal>
 #include <filesystem>
-#include <iostream>
 #include <new>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <unistd.h>

@@ -3,9 +3,7 @@
 // Output of `pliant`: one JSON document or text on standard output, messages on standard error.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>

@@ -17,7 +17,6 @@
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
 #include "index/cli/write_file.h"
-#include "index/files/image_files.h"
 #include "index/files/text.h"
 #include "index/json/result_json.h"
 #include "index/tracking/pipeline.h"

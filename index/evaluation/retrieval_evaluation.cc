@@ -10,11 +10,11 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/sha256.h"
 #include "descriptor/base/stopwatch.h"
+#include "index/files/durable_file.h"
 #include "index/files/text.h"
 
 namespace pliant {
@@ -62,7 +62,6 @@ class DatabaseFolder {
     if (!made) Fail(std::generic_category().message(errno));
   }
   ~DatabaseFolder() {
-    if (folder_ >= 0) ::close(folder_);
     std::error_code ignored;  // the system cleans its temporary folder
     if (!stays_) fs::remove_all(path_, ignored);
   }
@@ -83,12 +82,10 @@ class DatabaseFolder {
 
  private:
   void Lock() {
-    folder_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (folder_ < 0) Fail(std::generic_category().message(errno));
-    if (::flock(folder_, LOCK_EX | LOCK_NB) == 0) return;
-    const int error = errno;
-    ::close(folder_);
-    if (error != EWOULDBLOCK) Fail(std::generic_category().message(error));
+    folder_ = FileHandle(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (!folder_.is_open()) Fail(std::generic_category().message(errno));
+    if (::flock(folder_.get(), LOCK_EX | LOCK_NB) == 0) return;
+    if (errno != EWOULDBLOCK) Fail(std::generic_category().message(errno));
     throw Error(ErrorCode::kConflict, "cache_in_use",
                 "another evaluation is running in " + ToDisplayText(path_.string()) +
                     "; wait until it ends, or give another folder");
@@ -101,7 +98,7 @@ class DatabaseFolder {
 
   fs::path path_;
   bool stays_;
-  int folder_ = -1;
+  FileHandle folder_;
 };
 
 SearchOptions ToSearchOptions(RetrievalProtocol protocol, const RetrievalOptions& options) {

@@ -4,10 +4,7 @@
 // server. server/reference/search.md documents the fields.
 #pragma once
 
-#include <vector>
-
 #include "index/json/json.h"
-#include "index/records/records.h"
 #include "index/records/search.h"
 #include "index/verify/locate.h"
 #include "index/verify/warp_geometry.h"

@@ -3,7 +3,6 @@
 // Reading and checking filters: every complaint says where.
 #include <cmath>
 #include <set>
-#include <utility>
 
 #include "descriptor/base/error.h"
 #include "index/files/text.h"

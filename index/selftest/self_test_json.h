@@ -3,8 +3,6 @@
 // The JSON form of a self-test's report, for the command line and the HTTP server.
 #pragma once
 
-#include <cstddef>
-
 #include "index/json/json.h"
 #include "index/selftest/self_test.h"
 

@@ -6,7 +6,6 @@
 
 #include <memory>
 #include <optional>
-#include <vector>
 
 #include "descriptor/features/descriptor.h"
 #include "descriptor/image/image.h"

@@ -303,14 +303,6 @@ std::vector<TrackingResult> SummarizeViews(const std::vector<TrackedView>& views
 TrackingReport RunTrackingBenchmark(const std::vector<TrackingSequence>& sequences,
                                     const TrackingBenchmarkOptions& options) {
   Validate(options.locate);
-  if (options.descriptors.empty() || options.every < 1 || options.jobs < 0 ||
-      options.max_keypoints < 1 || options.max_keypoints > kMaxDetected ||
-      !(options.tracked_error > 0)) {
-    throw Error(ErrorCode::kInvalidArgument, "option_out_of_range",
-                "an option of the tracking benchmark is out of range: descriptors (one or more), "
-                "every (1 or more), jobs (0 or more), max_keypoints (1 to 4096), tracked_error "
-                "(above 0)");
-  }
   return Benchmark(sequences, options).Go();
 }
 

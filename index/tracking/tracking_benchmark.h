@@ -40,11 +40,11 @@ std::vector<TrackingSequence> OpenTrackingSequences(const std::filesystem::path&
 struct TrackingBenchmarkOptions {
   std::vector<std::string> descriptors = {"deal", "deal-fixed", "rootsift", "sift", "orb"};
   std::filesystem::path model;  // weights; empty = ModelPath(name)
-  int max_keypoints = 1024;     // of the template's region, and of each view
+  int max_keypoints = 1024;     // of the template's region, and of each view; 1 to 4096
   // max_ratio is 1: all mutual nearest neighbours, the paper's brute-force association.
   LocateOptions locate = {.verification = {.max_ratio = 1}};
   double tracked_error = 0.03;  // of the object's size
-  int every = 1;                // only every n-th view after the template
+  int every = 1;                // only every n-th view after the template; 1 or more
   int jobs = 0;                 // threads, one sequence each; 0 = one per core
   // Called after each view, from any thread, never concurrently. Returning false stops.
   std::function<bool(std::uint64_t done, std::uint64_t total)> progress;
@@ -93,9 +93,9 @@ struct TrackingReport {
   std::vector<TrackedView> views;       // by sequence, view, descriptor
 };
 
-// Deterministic, independently of `jobs`. Throws kInvalidArgument for options out of range, what
-// MakeDescriptor and the scenes' readers throw, kUnprocessable "no_frames" when nothing can be
-// measured, kCancelled "evaluation_stopped".
+// Deterministic, independently of `jobs`. Throws what MakeDescriptor, Validate(LocateOptions) and
+// the scenes' readers throw, kUnprocessable "no_frames" when nothing can be measured, kCancelled
+// "evaluation_stopped".
 TrackingReport RunTrackingBenchmark(const std::vector<TrackingSequence>& sequences,
                                     const TrackingBenchmarkOptions& options);
 
