@@ -228,6 +228,28 @@ TEST_F(SurvivalTest, AReadOnlyDatabaseAnswersAndRefuses) {
   fs::permissions(folder_.path(), fs::perms(0755));
 }
 
+// A disc, or a share that is mounted for reading: even root cannot write there.
+TEST_F(SurvivalTest, ReadOnlyMediaAreAnsweredFromAndNamed) {
+  WriteImages("p", 800, 1);
+  ASSERT_EQ(RunProgram(IndexArguments("p")).status, 0);
+  const auto run = [&](const std::string& command) {
+    const std::string script =
+        "mount --bind $0 $0 && mount -o remount,ro,bind $0 && echo mounted && " +
+        PliantPath().string() + " " + command + " --db $0/x.db";
+    return Program({"-rm", "sh", "-c", script, folder_.path().string()}, {}, "/usr/bin/unshare")
+        .Wait();
+  };
+  const ProgramResult stats = run("db stats");
+  if (stats.out.empty()) GTEST_SKIP() << "no mounts here: " << stats.err;
+  EXPECT_THAT(stats.out, HasSubstr("1 images, 1 objects")) << stats.err;
+  for (const std::string command : {"vocab train", "db rm 1"}) {
+    const ProgramResult refused = run(command);
+    EXPECT_EQ(refused.status, 1) << command;
+    EXPECT_THAT(refused.err,
+                HasSubstr("x.db cannot be written; check its permissions and file system"));
+  }
+}
+
 TEST_F(SurvivalTest, WithTooFewOpenFilesItSaysSo) {
   WriteImages("p", 2000, 8);
   int refused = 0;

@@ -173,9 +173,17 @@ TEST_F(RestoreTest, WhatCannotBeRestoredChangesNothing) {
   const ProgramResult full =
       Program({"db", "restore", good, "--db", db_, "--replace", "--json"}, small).Wait();
   EXPECT_EQ(full.status, 1);
+  EXPECT_EQ(Code(full), "write_failed");
+  EXPECT_THAT(full.err, HasSubstr("writing the database " + db_)) << "not what was only read";
   EXPECT_EQ(Files(), files);
   EXPECT_EQ(Images(db_), 3);
   ExpectSound(db_);
+  const std::string target = folder_ / "full.db";
+  const ProgramResult copied =
+      Program({"db", "backup", target, "--db", db_, "--json"}, small).Wait();
+  EXPECT_EQ(Code(copied), "write_failed");
+  EXPECT_THAT(copied.err, HasSubstr("writing the database " + target)) << "not what was only read";
+  EXPECT_FALSE(fs::exists(target));
 }
 
 TEST_F(RestoreTest, NotUnderARunningServer) {

@@ -201,7 +201,7 @@ RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& name, bool
   }
   RestoreResult result;
   NewDatabaseFile made(database);
-  WithDatabaseErrors(backup, [&] { result.images = CopyAndCheck(backup, made.path()); });
+  WithDatabaseErrors(backup, [&] { result.images = CopyAndCheck(backup, made.path()); }, database);
   if (hold) hold->GiveOwnerAndModeTo(made.path());
   SyncPath(made.path(), O_RDONLY);  // what can fail, before anything is moved
   if (hold) {

@@ -64,11 +64,12 @@ class SqliteAccess : public Access {
     return pliant::CheckStructure(static_cast<SqliteConnection&>(db), problems);
   }
   void Backup(const fs::path& target, const std::stop_token& stop) override {
-    Guarded([&] {
+    const auto copy = [&] {
       // A connection of its own: a backup may take long and must not see its source written by the
       // same connection.
       BackupDatabase(*Open(SqliteConnection::Mode::kReadOnly), target, stop);
-    });
+    };
+    WithDatabaseErrors(path_, copy, target);
   }
 
   const std::string& Owner() override {

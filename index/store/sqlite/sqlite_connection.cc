@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/store/sqlite/sqlite_connection.h"
 
+#include <algorithm>
 #include <exception>
 #include <stdexcept>
 #include <string>
@@ -137,6 +138,9 @@ SQLite::Database OpenReadWrite(const std::filesystem::path& path, int busy_timeo
   SQLite::Database database(name, SQLite::OPEN_READWRITE);
   const int code = database.tryExec("BEGIN IMMEDIATE") & 0xff;  // waits for nobody
   if (code == SQLITE_OK) database.exec("ROLLBACK");
+  if (code == SQLITE_CANTOPEN && !MayWrite(std::filesystem::path(name).parent_path())) {
+    throw SQLite::Exception("its log cannot be made", SQLITE_READONLY);
+  }
   const bool only_reads =
       code == SQLITE_READONLY || sqlite3_db_readonly(database.getHandle(), "main") != 0;
   if (only_reads && MayWrite(name)) {
@@ -222,10 +226,19 @@ class SqliteStatement : public Statement {
 
 }  // namespace
 
+bool FailedToWrite(const SQLite::Exception& error) {
+  const int kind = error.getErrorCode() & 0xff;
+  if (kind != SQLITE_IOERR)
+    return kind == SQLITE_FULL || kind == SQLITE_READONLY || kind == SQLITE_PERM;
+  // The steps of a copy report no extended code beside theirs.
+  const int extended = std::max(error.getErrorCode(), error.getExtendedErrorCode());
+  return extended == SQLITE_IOERR_WRITE || extended == SQLITE_IOERR_FSYNC ||
+         extended == SQLITE_IOERR_SHMSIZE || extended == SQLITE_IOERR_TRUNCATE;
+}
+
 void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& database) {
   const std::string name = "the database " + database.string();
   const std::string detail = std::string(" (SQLite: ") + error.what() + ")";
-  const int extended = error.getExtendedErrorCode();
   const int kind = error.getErrorCode() & 0xff;
   if ((kind == SQLITE_CANTOPEN || kind == SQLITE_IOERR) && FilesAreUsedUp()) {
     ThrowOutOfFiles(name + " cannot be opened");
@@ -257,8 +270,7 @@ void ThrowAsError(const SQLite::Exception& error, const std::filesystem::path& d
       throw Error(ErrorCode::kTooLarge, "value_too_large",
                   "a value is too large for " + name + detail);
     case SQLITE_IOERR:
-      if (extended == SQLITE_IOERR_WRITE || extended == SQLITE_IOERR_FSYNC ||
-          extended == SQLITE_IOERR_SHMSIZE || extended == SQLITE_IOERR_TRUNCATE) {
+      if (FailedToWrite(error)) {
         throw Error(
             ErrorCode::kNoSpace, "write_failed",
             "writing " + name + " failed: disk full, over a file size limit, or failing" + detail);

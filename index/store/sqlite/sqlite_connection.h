@@ -21,13 +21,18 @@ namespace pliant {
 [[noreturn]] void ThrowAsError(const SQLite::Exception& error,
                                const std::filesystem::path& database);
 
-// Runs `work` and throws only Error (and exceptions that are not database errors).
+// Whether SQLite could not write: no space, over a file size limit, or no permission.
+bool FailedToWrite(const SQLite::Exception& error);
+
+// Runs `work` and throws only Error (and exceptions that are not database errors). `written`: the
+// file that `work` writes, if it is another.
 template <typename Work>
-auto WithDatabaseErrors(const std::filesystem::path& database, Work&& work) {
+auto WithDatabaseErrors(const std::filesystem::path& database, Work&& work,
+                        const std::filesystem::path& written = {}) {
   try {
     return work();
   } catch (const SQLite::Exception& error) {
-    ThrowAsError(error, database);
+    ThrowAsError(error, !written.empty() && FailedToWrite(error) ? written : database);
   }
 }
 
