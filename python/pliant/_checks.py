@@ -3,6 +3,7 @@
 """Checks of arguments that several modules share. Private."""
 from __future__ import annotations
 
+import json
 import os
 from typing import Any
 
@@ -40,6 +41,18 @@ def whole(name: str, value: Any, least: int = 0, most: int = 2**31 - 1) -> int:
     if not least <= number <= most:
         raise InvalidArgumentError(f"{name} must be {least} to {most}, not {number}", code="out_of_range")
     return number
+
+
+def document(name: str, value: Any) -> str:
+    """The JSON of a dict."""
+    if not isinstance(value, dict):
+        raise TypeError(f"{name} must be a dict, not {type(value).__name__}")
+    try:
+        return json.dumps(value, allow_nan=False)
+    except TypeError as error:
+        raise TypeError(f"{name}: {error}") from None
+    except ValueError as error:
+        raise InvalidArgumentError(f"{name}: {error}", code=f"{name}_invalid") from None
 
 
 def shown(text_of_file: bytes) -> str:

@@ -6,13 +6,12 @@ server/reference/ describes routes, parameters and codes. Methods return the JSO
 from __future__ import annotations
 
 import base64
-import json
 import os
 import ssl
 import time
 from typing import Any, Callable, Iterator, Mapping, Sequence, Union
 
-from pliant import _transport
+from pliant import _checks, _transport
 from pliant._transport import Transport, segment
 from pliant.errors import ConnectionFailedError, Error, InvalidArgumentError, UnavailableError
 
@@ -450,21 +449,23 @@ class Client:
 
 def _given(**parameters: Any) -> Json:
     """Parameters of an address, without the omitted ones."""
-    return {name: _plain(value) for name, value in parameters.items() if value is not None}
+    return {name: _plain(name, value) for name, value in parameters.items() if value is not None}
 
 
-def _plain(value: Any) -> str:
+def _plain(name: str, value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
-        return json.dumps(value, allow_nan=False)
+        return _checks.document(name, value)
+    if isinstance(value, str):
+        return _checks.text(name, value)
     if isinstance(value, (tuple, list)):
         return ",".join(str(item) for item in value)
     return str(value)
 
 
 def _json_body(document: Json) -> Json:
-    return {"body": json.dumps(document, allow_nan=False).encode(), "content_type": "application/json"}
+    return {"body": _checks.document("request", document).encode(), "content_type": "application/json"}
 
 
 def _image_body(what: str, image: ImageLike | None, image_url: str | None, channels: str) -> Json:

@@ -3,17 +3,18 @@
 """Keypoints and descriptors of an image."""
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import os
 import pathlib
-from typing import Any, Sequence
+from typing import Any, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from pliant import _checks, _native, images
-from pliant.errors import InvalidArgumentError
+from pliant.errors import CorruptError, Error, InvalidArgumentError
 
 COLUMNS = ("x", "y", "size", "angle", "response", "octave")
 
@@ -98,8 +99,8 @@ class Features:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Features:
-        """Reads a file written by `save` or `pliant describe --out x.npz`."""
-        with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
+        """Reads a file written by `save` or `pliant describe --out x.npz`. Raises CorruptError for another file."""
+        with _archive(path) as file:
             if "starts" in file:
                 raise InvalidArgumentError(f"{os.fsdecode(path)!a} has the features of a folder: use load_folder",
                                            code="features_of_folder")
@@ -109,7 +110,7 @@ class Features:
     @classmethod
     def load_folder(cls, path: str | os.PathLike[str]) -> dict[str, Features]:
         """Reads a file written by `pliant describe DIR --out x.npz`: features by name below DIR."""
-        with np.load(os.fsdecode(_checks.path("path", path)), allow_pickle=False) as file:
+        with _archive(path) as file:
             if "starts" not in file:
                 raise InvalidArgumentError(f"{os.fsdecode(path)!a} has the features of one image: use load",
                                            code="features_of_image")
@@ -118,6 +119,18 @@ class Features:
             return {str(name): cls(keypoints[begin:end], descriptors[begin:end], width, height, str(file["model_id"]))
                     for name, begin, end, (width, height) in zip(file["names"], starts[:-1], starts[1:], sizes,
                                                                  strict=True)}
+
+
+@contextlib.contextmanager
+def _archive(path: str | os.PathLike[str]) -> Iterator[Any]:
+    name = os.fsdecode(_checks.path("path", path))
+    try:
+        with np.load(name, allow_pickle=False) as file:
+            yield file
+    except (Error, OSError):
+        raise
+    except Exception as error:  # NumPy and zipfile document none of theirs
+        raise CorruptError(f"{name!a} is damaged or no .npz file of features: {error}", code="not_features") from error
 
 
 def descriptor_rows(name: str, rows: npt.ArrayLike) -> npt.NDArray[Any]:

@@ -77,7 +77,7 @@ class Index:
             if isinstance(image, (str, os.PathLike)):
                 source = _checks.shown(os.fsencode(image))
         record_parts = (_checks.text("object", object), None if id is None else _checks.text("id", id),
-                        _json("metadata", metadata or {}), _checks.text("source", source),
+                        _checks.document("metadata", metadata or {}), _checks.text("source", source),
                         _checks.whole("threads", threads, 0, 1024))
         if isinstance(image, Features):
             outcome, record = self._native.add_features(image, *record_parts)
@@ -120,7 +120,7 @@ class Index:
             raise TypeError("nothing to change: give object, metadata or source")
         return records.image(json.loads(self._native.change(
             _checks.text("id", id), None if object is None else _checks.text("object", object),
-            None if metadata is None else _json("metadata", metadata),
+            None if metadata is None else _checks.document("metadata", metadata),
             None if source is None else _checks.text("source", source))))
 
     def rename_object(self, object: str, name: str, *, merge: bool = False) -> int:
@@ -232,15 +232,6 @@ class Index:
         self._native.backup(_checks.path("path", path))
 
 
-def _json(name: str, value: Any) -> str:
-    if not isinstance(value, dict):
-        raise TypeError(f"{name} must be a dict, not {type(value).__name__}")
-    try:
-        return json.dumps(value, allow_nan=False)
-    except ValueError as error:
-        raise InvalidArgumentError(f"{name}: {error}", code=f"{name}_invalid") from None
-
-
 def _region(region: Sequence[float] | None) -> list[float] | None:
     if region is None:
         return None
@@ -267,7 +258,7 @@ def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
         options["object"] = _checks.text("object", options["object"])
     options["region"] = _region(options["region"])
     options["min_score"] = float(options["min_score"])
-    options["filter"] = "" if options["filter"] is None else _json("filter", options["filter"])
+    options["filter"] = "" if options["filter"] is None else _checks.document("filter", options["filter"])
     options["explain"] = bool(options["explain"])
     options["closer_look"] = bool(options["closer_look"])
     return options

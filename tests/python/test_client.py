@@ -274,9 +274,14 @@ class Served(FolderCase):
                            (lambda: client.add(self.folder), IsADirectoryError),
                            (lambda: client.add(pattern(1).astype(float)), TypeError),
                            (lambda: client.add(np.zeros((4, 4, 4), np.uint8)), ValueError),
-                           (lambda: client.add(pattern(1), metadata={"a": float("inf")}), ValueError)):
+                           (lambda: client.add(pattern(1), metadata={"a": float("inf")}), pliant.InvalidArgumentError),
+                           (lambda: client.update("x", metadata={"a": float("inf")}), pliant.InvalidArgumentError),
+                           (lambda: client.search(pattern(1), filter={"a": {"gt": float("nan")}}), pliant.InvalidArgumentError),
+                           (lambda: client.add(pattern(1), object="\udce9"), pliant.InvalidArgumentError)):
             with self.fails(kind):
                 work()
+        with self.fails(TypeError, words="metadata: "):
+            client.add(pattern(1), metadata={"a": np.float32(1)})
 
     def test_keys(self):
         keys = [subprocess.run([BIN / "pliant-server", "keys", "create", "--scope", scope, "--name", scope, "--db",

@@ -52,6 +52,23 @@ class Describe(FolderCase):
         with self.assertRaises(pliant.InvalidArgumentError):
             pliant.Features.load_folder(self.folder / "one.npz")
 
+    def test_other_files_are_named(self):
+        pliant.describe(pattern(1), descriptor="rootsift").save(self.folder / "one.npz")
+        whole = (self.folder / "one.npz").read_bytes()
+        np.savez(self.folder / "other.npz", a=1)
+        np.savez(self.folder / "half.npz", keypoints=np.zeros((1, 6)))
+        np.save(self.folder / "array.npy", np.zeros((1, 6)))
+        (self.folder / "text.npz").write_text("words")
+        (self.folder / "empty.npz").write_bytes(b"")
+        (self.folder / "cut.npz").write_bytes(whole[:len(whole) // 2])
+        (self.folder / "flipped.npz").write_bytes(whole[:400] + bytes([whole[400] ^ 1]) + whole[401:])
+        for name in ("other.npz", "half.npz", "array.npy", "text.npz", "empty.npz", "cut.npz", "flipped.npz"):
+            for load in (pliant.Features.load, pliant.Features.load_folder):
+                if name == "flipped.npz" and load == pliant.Features.load_folder:
+                    continue
+                with self.subTest(name), self.assertRaisesRegex(pliant.Error, name):
+                    load(self.folder / name)
+
     def test_forms_of_per_image(self):
         grey = pattern(2)
         colour = np.dstack([grey, pattern(3), 255 - grey])

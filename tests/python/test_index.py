@@ -212,6 +212,8 @@ class Searches(IndexCase):
                                 ({"object": "\ud800"}, ValueError), ({"object": "x" * 600}, ValueError)):
             with self.subTest(arguments=arguments), self.fails(kind):
                 index.add(pattern(7), **arguments)
+        with self.fails(TypeError, words="metadata: "):
+            index.add(pattern(7), metadata={"x": np.float32(1)})
         with self.fails(pliant.UnprocessableError, "too_few_features"):
             index.add(np.full((64, 64), 9, np.uint8))
         with self.fails(pliant.NotFoundError):
