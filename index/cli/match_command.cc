@@ -382,9 +382,8 @@ class ColmapExport {
 ExitStatus Run(Options& options) {
   if (!options.colmap.empty()) return ColmapExport(options).Run();
   if (options.second.empty()) throw CLI::RequiredError("B");
-  if (!options.draw.empty()) CheckImageName(options.draw);
   CheckNotInput(options.draw, {options.first, options.second, options.homography});
-  if (options.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
+  CheckImageOutput(options.draw, "--draw", options.json);
   const Images images = ReadImages(options);
   const Result result = MatchImages(options, images);
   if (!options.draw.empty()) Draw(options, images, result);

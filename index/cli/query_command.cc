@@ -262,7 +262,7 @@ std::string FileName(const Hit& hit) {
 
 bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult& result,
                    const Options& options) {
-  const bool one_file = options.unwarp.extension() == ".png" || options.unwarp == kStandardOutput;
+  const bool one_file = IsImageName(options.unwarp);
   bool any = false;
   // A mesh of a few chance matches shows nothing.
   const std::size_t found = std::min(result.hits.size(), result.found.value_or(result.hits.size()));
@@ -309,11 +309,10 @@ ExitStatus Run(Options& options) {
         Region{options.region[0], options.region[1], options.region[2], options.region[3]};
   }
   if (!options.filter.empty()) options.search.filter = ParseFilter(options.filter);
-  if (!options.draw.empty()) CheckImageName(options.draw);
   CheckNotInput(options.draw, {options.image});
   CheckNotInput(options.unwarp, {options.image});
-  if (options.draw == kStandardOutput) ClaimStandardOutput("--draw", options.json);
-  if (options.unwarp == kStandardOutput) ClaimStandardOutput("--unwarp", options.json);
+  CheckImageOutput(options.draw, "--draw", options.json);
+  if (IsImageName(options.unwarp)) CheckOutput(options.unwarp, "--unwarp", options.json);
   const ImageInput image = ReadImage(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
   options.engine.create = false;
@@ -389,10 +388,9 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
                   "draw the query and its hits with outlines and matches to this PNG file; - = "
                   "standard output")
       ->type_name("FILE");
-  app->add_option(
-         "--unwarp", options->unwarp,
-         "draw the flattened object beside the hit: the best verified hit to a PNG file (- "
-         "= standard output), or all verified hits into a folder")
+  app->add_option("--unwarp", options->unwarp,
+                  "draw the flattened object beside the hit: the best verified hit to a .png or "
+                  ".jpg file (- = standard output), or all verified hits into a folder")
       ->type_name("FILE|DIR");
   AddJsonFlag(*app, options->json);
   app->footer(

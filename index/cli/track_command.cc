@@ -165,9 +165,9 @@ void PrintSummary(const Options& options, const Tracker& tracker, const TrackSum
 ExitStatus Run(Options& options) {
   const Interrupt interrupt;
   if (!options.out.empty()) CheckTrackOutName(options.out);
-  if (!options.sheet.empty()) CheckImageName(options.sheet);
   for (const std::filesystem::path& written : {options.out, options.sheet})
     CheckNotInput(written, {options.reference, options.input, options.mask});
+  CheckImageOutput(options.sheet, "--sheet", options.json);
   const Tracker tracker = MakeTracker(options);
   options.frames.decode = options.engine.extraction.decode;
   const auto source = OpenFrames(options.input, options.frames);

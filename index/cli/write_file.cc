@@ -91,14 +91,19 @@ void NewFile::Publish() {
   file_.Close();
 }
 
-void CheckImageName(const std::filesystem::path& file) {
-  if (file.extension() == ".png" || IsJpeg(file) || file == kStandardOutput) return;
-  throw Error(ErrorCode::kInvalidArgument, "bad_image_name",
-              file.string() + " must end in .png or .jpg, or be - for standard output");
+bool IsImageName(const std::filesystem::path& file) {
+  return file.extension() == ".png" || IsJpeg(file) || file == kStandardOutput;
+}
+
+void CheckImageOutput(const std::filesystem::path& file, std::string_view flag, bool json) {
+  if (!file.empty() && !IsImageName(file)) {
+    throw Error(ErrorCode::kInvalidArgument, "bad_image_name",
+                file.string() + " must end in .png or .jpg, or be - for standard output");
+  }
+  CheckOutput(file, flag, json);
 }
 
 void WriteImage(const std::filesystem::path& file, const Image& image) {
-  CheckImageName(file);
   const std::vector<std::uint8_t> bytes = IsJpeg(file) ? EncodeJpeg(image) : EncodePng(image);
   WriteFile(file, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
 }

@@ -51,11 +51,12 @@ class NewFile {
   FileHandle file_;
 };
 
-// PNG or JPEG, by file name; "-", standard output, is PNG. Throws kInvalidArgument
-// "bad_image_name" for another extension. Call it before the work whose result is written.
-void CheckImageName(const std::filesystem::path& file);
+// Whether WriteImage takes the name: PNG or JPEG, by extension; "-", standard output, is PNG.
+bool IsImageName(const std::filesystem::path& file);
+// CheckOutput for an image. Throws kInvalidArgument "bad_image_name" for another extension.
+void CheckImageOutput(const std::filesystem::path& file, std::string_view flag, bool json);
 
-// Atomically replaces the file. Throws what CheckImageName and WriteFile throw.
+// Atomically replaces the file, whose name IsImageName. Throws what WriteFile throws.
 void WriteImage(const std::filesystem::path& file, const Image& image);
 
 }  // namespace pliant::cli

@@ -194,6 +194,18 @@ TEST_F(CliMatching, ImagesAndDrawingsGoThroughPipes) {
   EXPECT_THAT(twice.err, HasSubstr("--draw - and --json would both write to standard output"));
 }
 
+TEST_F(CliMatching, AnUnwritableImageIsSaidBeforeTheWork) {
+  const std::string file = (out_ / "absent" / "x.png").string();
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"match", "a.png", "b.png", "--draw"},
+        {"track", "a.png", "b.mp4", "--sheet"}}) {
+    std::vector<std::string> arguments = command;
+    arguments.insert(arguments.end(), {file, "--json"});
+    const ProgramResult result = RunProgram(arguments);
+    EXPECT_EQ(result.json()["error"]["code"], "write_failed") << result.err;
+  }
+}
+
 TEST_F(CliMatching, AnImageIsNotOverwrittenByTheDrawing) {
   const std::string a = (out_ / "a.png").string(), b = (out_ / "b.png").string();
   testing::WriteBytes(a, testing::RandomPng(5));

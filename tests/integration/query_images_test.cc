@@ -112,11 +112,13 @@ TEST_F(QueryImagesTest, WithoutStoredImagesTheRowSaysSo) {
   EXPECT_GT(Load("out.png").width, 640);
 }
 
-TEST_F(QueryImagesTest, AnUnwritableFileFails) {
-  Index();
-  const ProgramResult result = Query({"--draw", Path("absent/out.png")});
-  EXPECT_EQ(result.status, 1);
-  EXPECT_EQ(result.json()["error"]["code"], "write_failed");
+TEST_F(QueryImagesTest, AnUnwritableFileIsSaidBeforeTheSearch) {
+  for (const char* flag : {"--draw", "--unwarp"}) {
+    const ProgramResult result = Query({flag, Path("absent/out.jpg")});  // and there is no database
+    EXPECT_EQ(result.status, 1);
+    EXPECT_EQ(result.json()["error"]["code"], "write_failed") << flag;
+    EXPECT_THAT(result.err, HasSubstr("absent/out.jpg cannot be written; check that the folder"));
+  }
 }
 
 TEST_F(QueryImagesTest, TheQueryImageIsNotOverwritten) {
