@@ -138,7 +138,11 @@ std::string WantedOf(const Parameter& spec, const Json& value) {
 
 Parameters::Parameters(const Route& route, const Request& request, const char* body_name)
     : route_(route) {
-  for (const auto& [name, value] : request.query) InsertText(name, value);
+  // Mail and social networks add parameters to links. The page has none.
+  const bool is_page = route.name == "page";
+  for (const auto& [name, value] : request.query) {
+    if (!is_page) InsertText(name, value);
+  }
   for (const Part& part : request.parts) {
     if (part.name != kImagePart) InsertPart(part);
   }

@@ -209,6 +209,7 @@ TEST_F(ServerTest, PageHealthAndMetrics) {
   EXPECT_THAT(page->get_header_value("Content-Type"), ::testing::StartsWith("text/html"));
   EXPECT_THAT(page->get_header_value("Content-Security-Policy"),
               ::testing::HasSubstr("default-src 'none'"));
+  EXPECT_EQ(client.Get("/?utm_source=mail&fbclid=1")->body, page->body) << "links gain parameters";
   // The page needs nothing from elsewhere (the icon's XML name space is a name, not a place).
   EXPECT_THAT(std::regex_replace(page->body, std::regex("http://www.w3.org/2000/svg"), ""),
               ::testing::Not(::testing::HasSubstr("://")));
