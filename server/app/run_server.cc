@@ -160,14 +160,14 @@ void RunUnlessStopped(const sigset_t& signals, const std::function<void()>& work
   done.get();
 }
 
-// Ends the process at a second signal, or when requests still run after the deadline.
+// Ends the process at a second signal, or when requests or saving the index outlast the deadline.
 void StartWatchdog(const sigset_t& signals, Seconds patience) {
   // Static objects may be gone when it wakes, so it holds the log.
   std::thread watchdog([signals, patience, log = spdlog::default_logger()] {
     if (StopSignalWithin(signals, patience)) {
       log->warn("second signal: the server stops immediately");
     } else {
-      log->warn("requests are still running after the deadline: the server stops immediately");
+      log->warn("requests, or saving the index, take too long: the server stops immediately");
     }
     log->flush();
     std::_Exit(1);
