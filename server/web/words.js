@@ -20,6 +20,7 @@ const kProblems = {
   read_only: t`The server cannot write to its storage. Tell the person who runs this server.`,
   image_type_unknown: kNotReadable,
   unsupported_content_type: kNotReadable,
+  image_empty: t`The file is empty. Choose another file.`,
   image_truncated: t`The file ends too early. The download or copy may be incomplete.`,
   image_corrupt: t`The file is damaged and cannot be read.`,
   too_few_features: t`The image has too little detail. Try a sharper image in which the object is larger.`,
