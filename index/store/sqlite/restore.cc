@@ -201,7 +201,8 @@ RestoreResult RestoreDatabase(const fs::path& backup, const fs::path& name, bool
   }
   RestoreResult result;
   NewDatabaseFile made(database);
-  WithDatabaseErrors(backup, [&] { result.images = CopyAndCheck(backup, made.path()); }, database);
+  const auto copy = [&] { result.images = CopyAndCheck(backup, made.path()); };
+  WithDatabaseErrors(backup, copy, database);
   if (hold) hold->GiveOwnerAndModeTo(made.path());
   SyncPath(made.path(), O_RDONLY);  // what can fail, before anything is moved
   if (hold) {
