@@ -69,7 +69,6 @@ set(PLIANT_PUBLIC_HEADERS
     index/verify/warp_geometry.h
     vocab/k_medoids.h
     vocab/quantizer.h
-    vocab/residual_codes.h
     vocab/vocabulary.h)
 foreach(header IN LISTS PLIANT_PUBLIC_HEADERS)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${header})

@@ -169,10 +169,12 @@ std::size_t ScanBits(const CodeList& list, const CodeQuery& query, NearCode* nea
 
 void AppendCodes(const std::uint8_t* codes, std::size_t count, std::size_t bytes,
                  std::vector<std::uint8_t>* list) {
+  list->resize(list->size() + count * bytes);
+  std::uint8_t* out = list->data() + list->size() - count * bytes;
   for (std::size_t first = 0; first < count; first += kCodeBlock) {
     const std::size_t n = std::min(kCodeBlock, count - first);
     for (std::size_t j = 0; j < bytes; ++j) {
-      for (std::size_t i = 0; i < n; ++i) list->push_back(codes[(first + i) * bytes + j]);
+      for (std::size_t i = 0; i < n; ++i) *out++ = codes[(first + i) * bytes + j];
     }
   }
 }

@@ -12,6 +12,7 @@
 #include "descriptor/base/parallel.h"
 #include "vocab/hierarchical_k_medoids.h"
 #include "vocab/k_medoids.h"
+#include "vocab/residual_codes.h"
 
 namespace pliant {
 namespace {
@@ -104,6 +105,17 @@ Descriptors MakeCentres(const Descriptors& words) {
   return centres;
 }
 
+// `words`: ascending.
+Bow Counted(std::span<const std::uint32_t> words) {
+  Bow bow;
+  bow.total = static_cast<std::uint32_t>(words.size());
+  for (const std::uint32_t word : words) {
+    if (bow.words.empty() || bow.words.back().word != word) bow.words.push_back({word, 0});
+    ++bow.words.back().count;
+  }
+  return bow;
+}
+
 }  // namespace
 
 WordGroups::WordGroups(const Descriptors& words) : centres_(MakeCentres(words)) {
@@ -179,6 +191,8 @@ Quantizer::Quantizer(std::shared_ptr<const Vocabulary> vocabulary)
     largest_squared_norm_ = std::max(largest_squared_norm_, SquaredNorm(words.float_row(w)));
   }
 }
+
+Quantizer::~Quantizer() = default;
 
 void Quantizer::CheckFits(const Descriptors& descriptors) const {
   if (descriptors.kind != words_.kind() || descriptors.dim != words_.dim()) {
@@ -270,7 +284,8 @@ std::vector<NearWord> Quantizer::NearestWords(const Descriptors& descriptors, in
   return nearest;
 }
 
-Bow Quantizer::BowOf(const Descriptors& descriptors, std::span<const std::uint32_t> words) const {
+Bow Quantizer::BowOf(const CodedDescriptors& descriptors,
+                     std::span<const std::uint32_t> words) const {
   std::vector<std::uint64_t> order(words.size());  // word, then row
   for (std::size_t i = 0; i < words.size(); ++i) order[i] = std::uint64_t{words[i]} << 32U | i;
   std::ranges::sort(order);
@@ -280,23 +295,17 @@ Bow Quantizer::BowOf(const Descriptors& descriptors, std::span<const std::uint32
     sorted[i] = static_cast<std::uint32_t>(order[i] >> 32U);
     rows[i] = static_cast<std::uint32_t>(order[i]);
   }
-  Codes codes;
-  if (coder_) codes = coder_->Encode(descriptors, rows, sorted);
-  Bow bow = MakeBow(std::move(sorted));
+  Bow bow = Counted(sorted);
+  if (!coder_) return bow;
+  Codes codes = coder_->Encode(descriptors, rows, sorted);
   bow.codes = std::move(codes.bytes);
   bow.biases = std::move(codes.biases);
   return bow;
 }
 
 Bow MakeBow(std::vector<std::uint32_t> words) {
-  std::sort(words.begin(), words.end());
-  Bow bow;
-  bow.total = static_cast<std::uint32_t>(words.size());
-  for (const std::uint32_t word : words) {
-    if (bow.words.empty() || bow.words.back().word != word) bow.words.push_back({word, 0});
-    ++bow.words.back().count;
-  }
-  return bow;
+  std::ranges::sort(words);
+  return Counted(words);
 }
 
 }  // namespace pliant

@@ -12,10 +12,12 @@
 #include <vector>
 
 #include "descriptor/match/distance.h"
-#include "vocab/residual_codes.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
+
+struct CodedDescriptors;
+class ResidualCoder;
 
 struct WordCount {
   std::uint32_t word = 0;
@@ -79,6 +81,7 @@ class Quantizer {
  public:
   // Throws kInvalidArgument for a null, empty or malformed vocabulary.
   explicit Quantizer(std::shared_ptr<const Vocabulary> vocabulary);
+  ~Quantizer();
 
   const Vocabulary& vocabulary() const { return *vocabulary_; }
 
@@ -97,7 +100,7 @@ class Quantizer {
 
   // The bag of words of the descriptors, given the word of each. With codes when the vocabulary has
   // a codebook.
-  Bow BowOf(const Descriptors& descriptors, std::span<const std::uint32_t> words) const;
+  Bow BowOf(const CodedDescriptors& descriptors, std::span<const std::uint32_t> words) const;
 
  private:
   void CheckFits(const Descriptors& descriptors) const;

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numeric>
 #include <random>
@@ -16,11 +15,11 @@
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "vocab/row_coding.h"
 
 namespace pliant {
 namespace {
 
-constexpr std::size_t kCentroids = 16;
 constexpr float kLargestEntry = 255;
 
 [[noreturn]] void ThrowMalformed(const std::string& what) {
@@ -174,98 +173,24 @@ class PartClustering {
   std::vector<float> points_;
 };
 
-// Eight parts of a vector at once. Vectors, words and centroids lie component by component of their
-// part: component d of part p is at d * lanes + p. Parts beyond the last are zeros.
-constexpr std::size_t kWidth = 8;
-using Floats [[gnu::vector_size(4 * kWidth)]] = float;
-using Numbers [[gnu::vector_size(4 * kWidth)]] = std::int32_t;
-// As they lie in a vector of floats.
-using Stored [[gnu::vector_size(4 * kWidth), gnu::aligned(4), gnu::may_alias]] = float;
+constexpr float kFactorSteps = 127;      // of the rotation's largest factor
+constexpr float kCentroidSteps = 511;    // of the centroids' largest component
+constexpr float kCentroidUnit = 16;      // below it is the number of the centroid
+constexpr float kWordSteps = 32767 / 2;  // of the largest norm of a word
+constexpr float kLargestHalf = 0x1p26F;  // of a norm; only hostile codebooks reach it
 
-template <std::size_t kVectors>
-[[gnu::always_inline]] inline void RotateSome(const float* columns, std::size_t stride,
-                                              std::span<const float> vector, float* rotated) {
-  Floats sums[kVectors] = {};
-  for (std::size_t d = 0; d < vector.size(); ++d, columns += stride) {
-    for (std::size_t v = 0; v < kVectors; ++v)
-      sums[v] += vector[d] * reinterpret_cast<const Stored*>(columns)[v];
-  }
-  std::memcpy(rotated, sums, sizeof(sums));
+// Rows of `columns` values.
+Eigen::Map<const Matrix> AsMatrix(const std::vector<float>& values, std::size_t columns) {
+  return {values.data(), static_cast<Eigen::Index>(values.size() / columns),
+          static_cast<Eigen::Index>(columns)};
 }
 
-// columns: vector.size() rows of `size` values, a multiple of kWidth.
-[[gnu::always_inline]] inline void RotateInto(const float* columns, std::size_t size,
-                                              std::span<const float> vector, float* rotated) {
-  constexpr std::size_t kAtOnce = 8;  // as many sums as registers hold
-  std::size_t i = 0;
-  for (; i + kAtOnce * kWidth <= size; i += kAtOnce * kWidth) {
-    RotateSome<kAtOnce>(columns + i, size, vector, rotated + i);
-  }
-  for (; i < size; i += kWidth) RotateSome<1>(columns + i, size, vector, rotated + i);
-}
+std::size_t RoundedUp(std::size_t value, std::size_t to) { return (value + to - 1) / to * to; }
 
-// kPartDim: the compiler makes better code of what it knows; 0: any.
-template <std::size_t kPartDim>
-[[gnu::always_inline]] inline void FindSomeCentroids(const float* residual, const float* centroids,
-                                                     std::size_t lanes, std::size_t part_dim,
-                                                     std::int32_t* nearest) {
-  if constexpr (kPartDim != 0) part_dim = kPartDim;
-  for (std::size_t p = 0; p < lanes; p += kWidth) {
-    Numbers best = {};
-    Floats least = Floats{} + std::numeric_limits<float>::infinity();
-    const float* of_centroid = centroids + p;
-    for (int c = 0; c < static_cast<int>(kCentroids); ++c) {
-      Floats distance = {};
-      for (std::size_t d = 0; d < part_dim; ++d, of_centroid += lanes) {
-        const Floats difference = *reinterpret_cast<const Stored*>(residual + d * lanes + p) -
-                                  *reinterpret_cast<const Stored*>(of_centroid);
-        distance += difference * difference;
-      }
-      const Numbers nearer = distance < least;
-      best = nearer ? Numbers{} + c : best;
-      least = nearer ? distance : least;
-    }
-    std::memcpy(nearest + p, &best, sizeof(best));
-  }
-}
-
-// The nearest centroid of each part: nearest[p], p < lanes. The first of equally near ones.
-[[gnu::always_inline]] inline void FindCentroids(const float* residual, const float* centroids,
-                                                 std::size_t lanes, std::size_t part_dim,
-                                                 std::int32_t* nearest) {
-  if (part_dim == 2) return FindSomeCentroids<2>(residual, centroids, lanes, 2, nearest);
-  FindSomeCentroids<0>(residual, centroids, lanes, part_dim, nearest);
-}
-
-struct Kernels {
-  void (*rotate)(const float* columns, std::size_t size, std::span<const float> vector,
-                 float* rotated);
-  void (*find_centroids)(const float* residual, const float* centroids, std::size_t lanes,
-                         std::size_t part_dim, std::int32_t* nearest);
-};
-
-// No fused multiply-add, so that every processor of the kind computes the same codes.
-#if defined(__x86_64__) && defined(__GNUC__)
-__attribute__((target("avx2"))) void RotateAvx2(const float* columns, std::size_t size,
-                                                std::span<const float> vector, float* rotated) {
-  RotateInto(columns, size, vector, rotated);
-}
-__attribute__((target("avx2"))) void FindCentroidsAvx2(const float* residual,
-                                                       const float* centroids, std::size_t lanes,
-                                                       std::size_t part_dim,
-                                                       std::int32_t* nearest) {
-  FindCentroids(residual, centroids, lanes, part_dim, nearest);
-}
-#endif
-
-const Kernels& ChosenKernels() {
-  static const Kernels chosen = []() -> Kernels {
-#if defined(__x86_64__) && defined(__GNUC__)
-    if (__builtin_cpu_supports("avx2") != 0) return {RotateAvx2, FindCentroidsAvx2};
-#endif
-    return {RotateInto, FindCentroids};
-  }();
-  return chosen;
+float LargestMagnitude(const std::vector<float>& values) {
+  float largest = 0;
+  for (const float value : values) largest = std::max(largest, std::abs(value));
+  return std::max(largest, 1e-30F);
 }
 
 }  // namespace
@@ -298,92 +223,140 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
   CheckCodebook(vocabulary_->codebook, vocabulary_->words);
   if (binary_) return;
   const Codebook& book = vocabulary_->codebook;
-  const auto part_dim = static_cast<std::size_t>(book.part_dim);
-  const auto dim = static_cast<std::size_t>(vocabulary_->words.dim);
-  lanes_ = (book.parts() + kWidth - 1) / kWidth * kWidth;
-  size_ = lanes_ * part_dim;
-  columns_.resize(dim * size_);
-  centroids_.resize(kCentroids * size_);
-  for (std::size_t p = 0; p < book.parts(); ++p) {
-    for (std::size_t d = 0; d < part_dim; ++d) {
-      const std::size_t at = d * lanes_ + p;
-      const float* row = book.rotation.data() + (p * part_dim + d) * dim;
-      for (std::size_t i = 0; i < dim; ++i) columns_[i * size_ + at] = row[i];
-      const float* of_part = book.centroids.data() + p * kCentroids * part_dim + d;
-      for (std::size_t c = 0; c < kCentroids; ++c)
-        centroids_[c * size_ + at] = of_part[c * part_dim];
-    }
-  }
-  rotated_words_.resize(vocabulary_->size() * size_);
-  double largest = 0;  // squared norm of a word
-  for (std::size_t w = 0; w < vocabulary_->size(); ++w) {
-    const auto word = vocabulary_->words.float_row(w);
-    double squared = 0;
-    for (const float x : word) squared += static_cast<double>(x) * x;
-    largest = std::max(largest, squared);
-    ChosenKernels().rotate(columns_.data(), size_, word, rotated_words_.data() + w * size_);
-  }
+  tables_.lanes = RoundedUp(book.parts(), kLanesAtOnce);
+  tables_.outputs = tables_.lanes * RoundedUp(static_cast<std::size_t>(book.part_dim), 2);
+  SetRotation();
   // b = |x'|^2 - |w|^2. Descriptors of a kind have about one norm, so b is well within twice the
   // largest; what is not is clamped.
-  bias_step_ = static_cast<float>(std::max(largest, 1e-30) * 2 / 32767);
+  const Descriptors& words = vocabulary_->words;
+  double largest = 1e-30;  // squared norm of a word
+  for (std::size_t w = 0; w < words.rows; ++w) {
+    const auto word = words.float_row(w);
+    largest = std::max(largest, std::inner_product(word.begin(), word.end(), word.begin(), 0.0));
+  }
+  bias_step_ = static_cast<float>(largest * 2 / 32767);
+  unit_ = static_cast<float>(std::sqrt(largest)) / kWordSteps;
+  SetCentroids();
+  words_.resize(words.rows * tables_.outputs);
+  constexpr std::size_t kAtOnce = 1024;
+  ParallelFor((words.rows + kAtOnce - 1) / kAtOnce, 0, [&](std::size_t block) {
+    const std::size_t first = block * kAtOnce;
+    const auto rows = static_cast<Eigen::Index>(std::min(kAtOnce, words.rows - first));
+    const Eigen::Map<const Matrix> some(words.float_row(first).data(), rows, words.dim);
+    const Matrix rotated =
+        some * AsMatrix(rotation_, static_cast<std::size_t>(words.dim)).transpose() / unit_;
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      std::int16_t* word = const_cast<std::int16_t*>(Word(first + static_cast<std::size_t>(i)));
+      for (std::size_t r = 0; r < book.padded_dim(); ++r) {
+        word[Output(r)] = ToFixed(rotated(i, static_cast<Eigen::Index>(r)));
+      }
+    }
+  });
 }
 
-Codes ResidualCoder::Encode(const Descriptors& descriptors, std::span<const std::uint32_t> rows,
+std::size_t ResidualCoder::Output(std::size_t component) const {
+  const auto part_dim = static_cast<std::size_t>(vocabulary_->codebook.part_dim);
+  const std::size_t d = component % part_dim;
+  return (d / 2 * tables_.lanes + component / part_dim) * 2 + d % 2;
+}
+
+// The factors are rounded to 8 bits. Words and queries are rotated by the rounded ones, too.
+void ResidualCoder::SetRotation() {
+  const Codebook& book = vocabulary_->codebook;
+  const auto dim = static_cast<std::size_t>(vocabulary_->words.dim);
+  const std::size_t components = CodedComponents(vocabulary_->words.dim);
+  const CodingRotation coding(components);
+  std::vector<float> factors(book.padded_dim() * components, 0);  // of coded rows
+  for (std::size_t r = 0; r < book.padded_dim(); ++r) {
+    const std::span<float> row = std::span(factors).subspan(r * components, components);
+    std::copy_n(book.rotation.data() + r * dim, dim, row.begin());
+    coding.Forward(row);
+  }
+  rotation_step_ = LargestMagnitude(factors) / kFactorSteps;
+  tables_.bytes = components / 2;
+  tables_.pairs = RoundedUp(tables_.bytes, kPairsAtOnce);
+  tables_.rotation.resize(2 * tables_.pairs * tables_.outputs);
+  tables_.middles.resize(tables_.outputs);
+  rotation_.resize(book.rotation.size());
+  for (std::size_t r = 0; r < book.padded_dim(); ++r) {
+    const std::span<float> row = std::span(factors).subspan(r * components, components);
+    const std::size_t output = Output(r);
+    for (std::size_t i = 0; i < components; ++i) {
+      const float steps = std::round(row[i] / rotation_step_);
+      row[i] = steps * rotation_step_;
+      const auto factor = static_cast<std::int8_t>(steps);
+      tables_.rotation[2 * (i / 2 * tables_.outputs + output) + i % 2] = factor;
+      tables_.middles[output] += static_cast<std::int32_t>(2 * CodedRow::kMiddleLevel) * factor;
+    }
+    coding.Back(row);
+    std::copy_n(row.begin(), dim, rotation_.data() + r * dim);
+  }
+}
+
+void ResidualCoder::SetCentroids() {
+  const Codebook& book = vocabulary_->codebook;
+  const auto part_dim = static_cast<std::size_t>(book.part_dim);
+  const float step = LargestMagnitude(book.centroids) / kCentroidSteps;
+  tables_.centroids.resize(kCentroids * tables_.outputs);
+  tables_.norms.resize(kCentroids * tables_.lanes);
+  for (std::size_t c = 0; c < kCentroids; ++c) {
+    for (std::size_t p = 0; p < tables_.lanes; ++p) {
+      float squared = 0;
+      for (std::size_t d = 0; p < book.parts() && d < part_dim; ++d) {
+        const float steps = std::round(book.centroids[(p * kCentroids + c) * part_dim + d] / step);
+        squared += steps * steps;
+        tables_.centroids[c * tables_.outputs + Output(p * part_dim + d)] =
+            static_cast<std::int16_t>(steps * kCentroidUnit);
+      }
+      const float half = std::min(kLargestHalf - 1, std::round(squared * step / unit_ / 2));
+      tables_.norms[c * tables_.lanes + p] =
+          static_cast<std::int32_t>(half * kCentroidUnit) + static_cast<std::int32_t>(c);
+    }
+  }
+  bias_factor_ = 2 * step * unit_ / kCentroidUnit / bias_step_;
+}
+
+Codes ResidualCoder::Encode(const CodedDescriptors& descriptors,
+                            std::span<const std::uint32_t> rows,
                             std::span<const std::uint32_t> words) const {
   Codes codes;
   codes.bytes.resize(rows.size() * code_bytes_);
+  std::uint8_t* code = codes.bytes.data();
   if (binary_) {
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      std::ranges::copy(descriptors.binary_row(rows[i]), codes.bytes.data() + i * code_bytes_);
+    for (const std::uint32_t row : rows) {
+      code = std::copy_n(descriptors.bytes.data() + row * code_bytes_, code_bytes_, code);
     }
     return codes;
   }
   constexpr std::size_t kAhead = 8;  // in a large vocabulary words wait for the memory
-  constexpr std::size_t kLine = 64 / sizeof(float);
-  const Kernels& kernels = ChosenKernels();
-  std::vector<float> residual(size_);
-  std::vector<std::int32_t> nearest(lanes_);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
+  constexpr std::size_t kLine = 64 / sizeof(std::int16_t);
+  RowScratch scratch(tables_);
+  codes.biases.reserve(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i, code += code_bytes_) {
     if (i + kAhead < rows.size()) {
-      const float* ahead = rotated_words_.data() + words[i + kAhead] * size_;
-      for (std::size_t d = 0; d < size_; d += kLine) __builtin_prefetch(ahead + d);
+      const std::int16_t* ahead = Word(words[i + kAhead]);
+      for (std::size_t d = 0; d < tables_.outputs; d += kLine) __builtin_prefetch(ahead + d);
     }
-    kernels.rotate(columns_.data(), size_, descriptors.float_row(rows[i]), residual.data());
-    const float* of_word = rotated_words_.data() + words[i] * size_;
-    for (std::size_t d = 0; d < size_; ++d) residual[d] -= of_word[d];
-    kernels.find_centroids(residual.data(), centroids_.data(), lanes_, size_ / lanes_,
-                           nearest.data());
-    std::uint8_t* code = codes.bytes.data() + i * code_bytes_;
+    const CodedRow row = ReadCodedRow(descriptors, rows[i]);
+    const float bias =
+        static_cast<float>(CodeRow(tables_, row.levels, row.scale * rotation_step_ / unit_ / 2,
+                                   Word(words[i]), &scratch)) *
+        bias_factor_;
+    codes.biases.push_back(ToFixed(bias));
     for (std::size_t j = 0; j < code_bytes_; ++j) {
-      code[j] = static_cast<std::uint8_t>(nearest[2 * j] | nearest[2 * j + 1] << 4);
+      code[j] = static_cast<std::uint8_t>(scratch.nearest[2 * j] | scratch.nearest[2 * j + 1] << 4);
     }
-    codes.biases.push_back(Bias(words[i], code));
   }
   return codes;
-}
-
-std::int16_t ResidualCoder::Bias(std::uint32_t word, const std::uint8_t* code) const {
-  const float* of_word = rotated_words_.data() + word * size_;
-  float sums[2] = {0, 0};  // of even and odd parts
-  for (std::size_t first = 0; first < size_; first += lanes_) {
-    for (std::size_t j = 0; j < code_bytes_; ++j) {
-      const std::size_t p = first + 2 * j;
-      const float even = centroids_[(code[j] & 15U) * size_ + p];
-      const float odd = centroids_[(code[j] >> 4U) * size_ + p + 1];
-      sums[0] += even * (even + 2 * of_word[p]);
-      sums[1] += odd * (odd + 2 * of_word[p + 1]);
-    }
-  }
-  const float bias = (sums[0] + sums[1]) / bias_step_;
-  return static_cast<std::int16_t>(std::lround(std::clamp(bias, -32767.0F, 32767.0F)));
 }
 
 LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
   const Codebook& book = vocabulary_->codebook;
   const std::size_t parts = book.parts();
   const auto part_dim = static_cast<std::size_t>(book.part_dim);
-  std::vector<float> rotated(size_);
-  ChosenKernels().rotate(columns_.data(), size_, query, rotated.data());
+  const Eigen::VectorXf rotated =
+      AsMatrix(rotation_, query.size()) *
+      Eigen::Map<const Eigen::VectorXf>(query.data(), static_cast<Eigen::Index>(query.size()));
   std::vector<float> values(parts * kCentroids);
   std::vector<float> least(parts, std::numeric_limits<float>::infinity());
   float range = 0;
@@ -393,7 +366,9 @@ LookupTable ResidualCoder::TableOf(std::span<const float> query) const {
     for (std::size_t c = 0; c < kCentroids; ++c) {
       const float* centroid = book.centroids.data() + (p * kCentroids + c) * part_dim;
       float dot = 0;
-      for (std::size_t d = 0; d < part_dim; ++d) dot += centroid[d] * rotated[d * lanes_ + p];
+      for (std::size_t d = 0; d < part_dim; ++d) {
+        dot += centroid[d] * rotated[static_cast<Eigen::Index>(p * part_dim + d)];
+      }
       const float value = -2 * dot;
       values[p * kCentroids + c] = value;
       least[p] = std::min(least[p], value);

@@ -21,7 +21,9 @@
 #include <span>
 #include <vector>
 
+#include "descriptor/features/coded_descriptors.h"
 #include "descriptor/features/features.h"
+#include "vocab/row_coding.h"
 #include "vocab/vocabulary.h"
 
 namespace pliant {
@@ -60,8 +62,8 @@ class ResidualCoder {
   bool binary() const { return binary_; }
   std::size_t code_bytes() const { return code_bytes_; }
 
-  // The codes of these rows in these words.
-  Codes Encode(const Descriptors& descriptors, std::span<const std::uint32_t> rows,
+  // The codes of these rows in these words. Throws kCorrupt "blob_corrupt" (ReadCodedRow).
+  Codes Encode(const CodedDescriptors& descriptors, std::span<const std::uint32_t> rows,
                std::span<const std::uint32_t> words) const;
   float bias_step() const { return bias_step_; }
 
@@ -69,18 +71,23 @@ class ResidualCoder {
   LookupTable TableOf(std::span<const float> query) const;
 
  private:
-  std::int16_t Bias(std::uint32_t word, const std::uint8_t* code) const;
+  void SetRotation();
+  void SetCentroids();
+  std::size_t Output(std::size_t component) const;  // of a rotated vector (RowTables)
+  const std::int16_t* Word(std::size_t word) const {
+    return words_.data() + word * tables_.outputs;
+  }
 
   std::shared_ptr<const Vocabulary> vocabulary_;
   bool binary_;
   std::size_t code_bytes_;
-  // Component d of part p is at d * lanes_ + p of each of these vectors of size_ values.
-  std::size_t lanes_ = 0;  // at least the number of parts
-  std::size_t size_ = 0;
-  std::vector<float> columns_;        // of the rotation
-  std::vector<float> centroids_;      // number c of all parts
-  std::vector<float> rotated_words_;  // of the vocabulary
+  RowTables tables_;
+  std::vector<float> rotation_;      // as tables_ has it, in floats
+  std::vector<std::int16_t> words_;  // rotated, output by output
+  float rotation_step_ = 0;
+  float unit_ = 0;  // of words_
   float bias_step_ = 0;
+  float bias_factor_ = 0;
 };
 
 }  // namespace pliant

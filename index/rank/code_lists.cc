@@ -18,53 +18,29 @@ std::uint64_t DigestOf(std::uint32_t word, std::span<const std::uint8_t> code) {
 
 }  // namespace
 
-// Takes the words in ascending order, each once.
-class CodeLists::Builder {
- public:
-  struct Entry {
-    std::uint32_t image = 0;
-    std::int16_t bias = 0;
-    std::size_t code = 0;  // position in the bytes that go with the entries
-  };
+// Of vectors that are being filled.
+struct CodeLists::Parts {
+  std::vector<std::uint32_t> offsets{0};
+  std::vector<ImageNumber> images;
+  std::vector<std::int16_t> biases;
+  std::vector<std::uint8_t> codes;
 
-  Builder(std::size_t code_bytes, bool binary, std::size_t vocabulary_size)
-      : bytes_(code_bytes), binary_(binary) {
-    offsets_.reserve(vocabulary_size + 1);
-  }
-
-  void Reserve(std::size_t codes) {
-    codes_.reserve(codes * bytes_ + kCodePadding);
-    images_.reserve(codes);
-    if (!binary_) biases_.reserve(codes);
-  }
-
-  // Entries ascending by image.
-  void AddWord(std::span<const Entry> entries, const std::vector<std::uint8_t>& codes) {
-    if (images_.size() + entries.size() > std::numeric_limits<std::uint32_t>::max()) {
+  void EndWord() {
+    if (images.size() > std::numeric_limits<std::uint32_t>::max()) {
       throw Error(ErrorCode::kInternal, "segment_too_large",
                   "an index segment got too many descriptors");
     }
-    std::vector<std::uint8_t> rows;
-    rows.reserve(entries.size() * bytes_);
-    for (const Entry& entry : entries) {
-      images_.push_back(static_cast<ImageNumber>(entry.image));
-      if (!binary_) biases_.push_back(entry.bias);
-      rows.insert(rows.end(), codes.begin() + static_cast<std::ptrdiff_t>(entry.code),
-                  codes.begin() + static_cast<std::ptrdiff_t>(entry.code + bytes_));
-    }
-    offsets_.push_back(static_cast<std::uint32_t>(images_.size()));
-    AppendCodes(rows.data(), entries.size(), bytes_, &codes_);
+    offsets.push_back(static_cast<std::uint32_t>(images.size()));
   }
-
-  CodeLists Finish() && {
-    codes_.resize(codes_.size() + kCodePadding);
+  CodeLists Finish(std::size_t bytes, bool binary) && {
+    codes.resize(codes.size() + kCodePadding);
     CodeLists lists;
-    lists.bytes_ = bytes_;
-    lists.binary_ = binary_;
-    lists.offsets_ = Shrunk(std::move(offsets_));
-    lists.images_ = Shrunk(std::move(images_));
-    lists.biases_ = Shrunk(std::move(biases_));
-    lists.codes_ = Shrunk(std::move(codes_));
+    lists.bytes_ = bytes;
+    lists.binary_ = binary;
+    lists.offsets_ = Shrunk(std::move(offsets));
+    lists.images_ = Shrunk(std::move(images));
+    lists.biases_ = Shrunk(std::move(biases));
+    lists.codes_ = Shrunk(std::move(codes));
     return lists;
   }
 
@@ -74,88 +50,100 @@ class CodeLists::Builder {
     values.shrink_to_fit();
     return Array<T>(std::move(values));
   }
-
-  const std::size_t bytes_;
-  const bool binary_;
-  std::vector<std::uint32_t> offsets_{0};
-  std::vector<ImageNumber> images_;
-  std::vector<std::int16_t> biases_;
-  std::vector<std::uint8_t> codes_;
 };
 
 CodeLists CodeLists::Build(std::span<const IndexedImage> images, std::size_t vocabulary_size,
                            const ResidualCoder& coder) {
   const std::size_t bytes = coder.code_bytes();
-  std::vector<std::size_t> starts(vocabulary_size + 1, 0);
-  const std::size_t biases_each = coder.binary() ? 0 : 1;
-  std::vector<std::uint8_t> codes;
+  std::vector<std::size_t> next(vocabulary_size + 1, 0);  // after each word, then of each word
   for (const IndexedImage& image : images) {
     if (image.bow.codes.size() != image.bow.total * bytes ||
-        image.bow.biases.size() != image.bow.total * biases_each) {
+        image.bow.biases.size() != (coder.binary() ? 0 : image.bow.total)) {
       throw Error(ErrorCode::kCorrupt, "codes_missing",
                   "image \"" + image.id +
                       "\" has more or fewer codes than its vocabulary needs; train a new one");
     }
-    for (const WordCount& entry : image.bow.words) starts[entry.word + 1] += entry.count;
-    codes.insert(codes.end(), image.bow.codes.begin(), image.bow.codes.end());
+    for (const WordCount& entry : image.bow.words) next[entry.word + 1] += entry.count;
   }
-  for (std::size_t w = 0; w < vocabulary_size; ++w) starts[w + 1] += starts[w];
-  std::vector<Builder::Entry> entries(starts.back());
-  std::vector<std::size_t> next(starts.begin(), starts.end() - 1);
-  std::size_t at = 0;
-  for (std::uint32_t p = 0; p < images.size(); ++p) {
-    const Bow& bow = images[p].bow;
+  Parts parts;
+  parts.offsets.reserve(vocabulary_size + 1);
+  for (std::size_t w = 0; w < vocabulary_size; ++w) {
+    next[w + 1] += next[w];
+    parts.images.resize(next[w + 1]);
+    parts.EndWord();
+  }
+  parts.biases.resize(coder.binary() ? 0 : next.back());
+  parts.codes.reserve(next.back() * bytes + kCodePadding);
+  // So many words at once that what is written to stays in the processor's cache.
+  constexpr std::size_t kAtOnce = 4096;
+  struct Place {
+    std::size_t entry = 0;  // in the words of an image
     std::size_t descriptor = 0;
-    for (const WordCount& entry : bow.words) {
-      for (std::uint32_t i = 0; i < entry.count; ++i, ++descriptor, at += bytes) {
-        entries[next[entry.word]++] = {
-            p, bow.biases.empty() ? std::int16_t{0} : bow.biases[descriptor], at};
+  };
+  std::vector<Place> places(images.size());
+  std::vector<std::uint8_t> rows;
+  for (std::size_t first = 0; first < vocabulary_size; first += kAtOnce) {
+    const std::size_t end = std::min(vocabulary_size, first + kAtOnce);
+    const std::size_t begin = parts.offsets[first];
+    rows.resize((parts.offsets[end] - begin) * bytes);
+    for (std::size_t p = 0; p < images.size(); ++p) {
+      const Bow& bow = images[p].bow;
+      auto& [entry, descriptor] = places[p];
+      for (; entry < bow.words.size() && bow.words[entry].word < end; ++entry) {
+        for (std::uint32_t i = 0; i < bow.words[entry].count; ++i, ++descriptor) {
+          const std::size_t at = next[bow.words[entry].word]++;
+          parts.images[at] = static_cast<ImageNumber>(p);
+          if (!coder.binary()) parts.biases[at] = bow.biases[descriptor];
+          std::copy_n(bow.codes.data() + descriptor * bytes, bytes,
+                      rows.data() + (at - begin) * bytes);
+        }
       }
     }
+    for (std::size_t w = first; w < end; ++w) {
+      AppendCodes(rows.data() + (parts.offsets[w] - begin) * bytes,
+                  parts.offsets[w + 1] - parts.offsets[w], bytes, &parts.codes);
+    }
   }
-  Builder lists(bytes, coder.binary(), vocabulary_size);
-  lists.Reserve(entries.size());
-  for (std::size_t w = 0; w < vocabulary_size; ++w) {
-    lists.AddWord(std::span(entries).subspan(starts[w], starts[w + 1] - starts[w]), codes);
-  }
-  return std::move(lists).Finish();
+  return std::move(parts).Finish(bytes, coder.binary());
 }
 
 CodeLists CodeLists::Merge(std::span<const Source> sources) {
+  struct Entry {
+    std::uint32_t image = 0;
+    std::int16_t bias = 0;
+    const CodeList* list = nullptr;
+    std::size_t code = 0;  // in the list
+  };
   std::size_t words = 0;
-  std::size_t bytes = 0;
-  bool binary = false;
-  for (const Source& source : sources) {
-    bytes = source.lists->bytes_;
-    binary = source.lists->binary_;
-    words = std::max(words, source.lists->vocabulary_size());
-  }
-  Builder merged(bytes, binary, words);
-  std::vector<Builder::Entry> entries;
-  std::vector<std::uint8_t> codes;
+  for (const Source& source : sources) words = std::max(words, source.lists->vocabulary_size());
+  const std::size_t bytes = sources.empty() ? 0 : sources.front().lists->bytes_;
+  const bool binary = !sources.empty() && sources.front().lists->binary_;
+  Parts merged;
+  std::vector<CodeList> lists(sources.size());
+  std::vector<Entry> entries;
+  std::vector<std::uint8_t> rows;
   for (std::uint32_t w = 0; w < words; ++w) {
     entries.clear();
-    codes.clear();
-    for (const Source& source : sources) {
-      const CodeList list = source.lists->List(w);
-      std::size_t next = 0;
-      source.lists->ForEachCount(w, [&](std::size_t image, std::size_t count) {
-        const std::size_t begin = next;
-        next += count;
-        const std::uint32_t position = (*source.position)[image];
-        if (position == kGone) return;
-        for (std::size_t i = begin; i < next; ++i) {
-          entries.push_back(
-              {position, list.biases != nullptr ? list.biases[i] : std::int16_t{0}, codes.size()});
-          codes.resize(codes.size() + list.bytes);
-          CopyCode(list, i, codes.data() + codes.size() - list.bytes);
-        }
-      });
+    for (std::size_t s = 0; s < sources.size(); ++s) {
+      lists[s] = sources[s].lists->List(w);
+      const std::span<const ImageNumber> images = sources[s].lists->Images(w);
+      for (std::size_t i = 0; i < images.size(); ++i) {
+        const std::uint32_t position = (*sources[s].position)[images[i]];
+        if (position == kGone) continue;
+        entries.push_back({position, binary ? std::int16_t{0} : lists[s].biases[i], &lists[s], i});
+      }
     }
-    std::ranges::stable_sort(entries, {}, &Builder::Entry::image);
-    merged.AddWord(entries, codes);
+    std::ranges::stable_sort(entries, {}, &Entry::image);
+    rows.resize(entries.size() * bytes);
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      merged.images.push_back(static_cast<ImageNumber>(entries[i].image));
+      if (!binary) merged.biases.push_back(entries[i].bias);
+      CopyCode(*entries[i].list, entries[i].code, rows.data() + i * bytes);
+    }
+    merged.EndWord();
+    AppendCodes(rows.data(), entries.size(), bytes, &merged.codes);
   }
-  return std::move(merged).Finish();
+  return std::move(merged).Finish(bytes, binary);
 }
 
 CodeList CodeLists::List(std::uint32_t word) const {

@@ -63,7 +63,7 @@ class CodeLists {
 
  private:
   friend class SegmentFile;
-  class Builder;
+  struct Parts;
 
   std::size_t bytes_ = 0;  // per code
   bool binary_ = false;

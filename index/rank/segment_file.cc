@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kFormat = "pliant-segment-1";  // another number for another layout
+constexpr const char* kFormat = "pliant-segment-2";  // another number for another layout, or other codes
 
 std::string HexOf(XXH64_hash_t hash) {
   XXH64_canonical_t bytes;

@@ -14,7 +14,6 @@
 #include <zlib.h>
 
 #include "descriptor/base/error.h"
-#include "index/store/descriptor_codec.h"
 #include "vocab/residual_codes.h"
 
 namespace pliant {
@@ -232,14 +231,11 @@ void CheckShape(const Features& features) {
 
 // The parts of a blob, checked, but not decoded.
 struct StoredFeatures {
-  DescriptorKind kind;
   std::uint8_t contents;  // kWithColours, kWithPreview
-  std::uint32_t rows;
-  int dim;
   std::int32_t width;
   std::int32_t height;
   Bytes keypoints;
-  Bytes descriptors;
+  CodedDescriptors descriptors;
   Bytes more;
 
   explicit StoredFeatures(Bytes blob) {
@@ -254,14 +250,14 @@ struct StoredFeatures {
     }
     if (body[5] > 1 || body[6] > (kWithColours | kWithPreview))
       ThrowCorruptBlob("features are of an unknown kind");
-    kind = static_cast<DescriptorKind>(body[5]);
+    const auto kind = static_cast<DescriptorKind>(body[5]);
     contents = body[6];
-    rows = GetValue<std::uint32_t>(body, 7);
+    const auto rows = GetValue<std::uint32_t>(body, 7);
     const auto components = GetValue<std::uint32_t>(body, 11);
     if (rows > kMaxRows || components > kMaxDim) {
       ThrowCorruptBlob("features claim an impossible size");
     }
-    dim = static_cast<int>(components);
+    const int dim = static_cast<int>(components);
     const std::size_t keypoint_bytes = rows * kKeypointBytes;
     const std::size_t descriptor_bytes = rows * CodedRowBytes(kind, dim);
     const Bytes rest = body.subspan(kFeatureHeaderBytes);
@@ -275,7 +271,7 @@ struct StoredFeatures {
       ThrowCorruptBlob("features have keypoints in an image without a size");
     }
     keypoints = rest.first(keypoint_bytes);
-    descriptors = rest.subspan(keypoint_bytes, descriptor_bytes);
+    descriptors = {kind, rows, dim, rest.subspan(keypoint_bytes, descriptor_bytes)};
     more = rest.subspan(least);
   }
 };
@@ -315,7 +311,7 @@ Features DecodeFeatures(Bytes blob) {
   features.width = stored.width;
   features.height = stored.height;
   features.keypoints = GetKeypoints(stored.keypoints, stored.width, stored.height);
-  features.descriptors = GetDescriptors(stored.descriptors, stored.kind, stored.rows, stored.dim);
+  features.descriptors = GetDescriptors(stored.descriptors);
   Bytes more = stored.more;
   if ((stored.contents & kWithPreview) != 0) features.preview = GetPreview(&more);
   if ((stored.contents & kWithColours) != 0) {
@@ -326,10 +322,7 @@ Features DecodeFeatures(Bytes blob) {
   return features;
 }
 
-Descriptors DecodeDescriptors(Bytes blob) {
-  const StoredFeatures stored(blob);
-  return GetDescriptors(stored.descriptors, stored.kind, stored.rows, stored.dim);
-}
+CodedDescriptors DescriptorsIn(Bytes features) { return StoredFeatures(features).descriptors; }
 
 Features InStoredPrecision(Features features) {
   Features stored = DecodeFeatures(EncodeFeatures(features));

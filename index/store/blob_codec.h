@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "descriptor/features/coded_descriptors.h"
 #include "descriptor/features/features.h"
 #include "descriptor/image/image.h"
 #include "vocab/vocabulary.h"
@@ -29,15 +30,16 @@ void PutValue(std::vector<std::uint8_t>& out, const T& value) {
 
 // Places are kept to 1/65 535 of the image's width and height (what lies outside moves to its
 // edge), sizes to 1/4096 of an octave, angles to 1/256 of a turn, responses to 1/8 of an octave,
-// and descriptors as in descriptor_codec.h; octaves are not kept. Throws kInvalidArgument for
-// values that are not finite, for descriptors that do not fit the keypoints, and for keypoints of
-// an image without a size.
+// and descriptors as in descriptor/features/coded_descriptors.h; octaves are not kept. Throws
+// kInvalidArgument for values that are not finite, for descriptors that do not fit the keypoints,
+// and for keypoints of an image without a size.
 std::vector<std::uint8_t> EncodeFeatures(const Features& features);
 
 // Throws kCorrupt for any error in the blob: magic, version, sizes, checksum. The model id is
 // stored outside the blob: here it is empty.
 Features DecodeFeatures(Bytes blob);
-Descriptors DecodeDescriptors(Bytes blob);  // alone
+// Alone, as they lie in the blob.
+CodedDescriptors DescriptorsIn(Bytes features);
 
 // `features` as they are after storing and reading. Queries and new images are quantised in this
 // precision, so that an image has the same words as a query and as a stored image. Keeps the model

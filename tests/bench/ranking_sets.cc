@@ -10,6 +10,7 @@
 #include "descriptor/match/distance.h"
 #include "index/store/blob_codec.h"
 #include "index/store/sqlite/sqlite_connection.h"
+#include "tests/unit/random_descriptors.h"
 
 namespace pliant::bench {
 namespace {
@@ -60,7 +61,8 @@ std::vector<IndexedImage> Quantized(const std::vector<LabelledImage>& images,
   std::vector<IndexedImage> indexed;
   for (const LabelledImage& image : images) {
     const std::vector<std::uint32_t> words = quantizer.Assign(image.descriptors);
-    indexed.push_back({0, 0, "", quantizer.BowOf(image.descriptors, words)});
+    const testing::Coded coded(image.descriptors);
+    indexed.push_back({0, 0, "", quantizer.BowOf(coded.view(), words)});
   }
   return indexed;
 }

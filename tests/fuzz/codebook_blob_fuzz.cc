@@ -30,9 +30,12 @@ void UseCodebook(const Descriptors& words, const pliant::Codebook& codebook) {
   vocabulary->words = words;
   vocabulary->codebook = codebook;
   const pliant::ResidualCoder coder(vocabulary);
+  std::vector<std::uint8_t> bytes;
+  pliant::PutDescriptors(words, &bytes);
+  const pliant::CodedDescriptors coded{words.kind, words.rows, words.dim, bytes};
   for (std::uint32_t row = 0; row < words.rows; ++row) {
     const auto word = static_cast<std::uint32_t>((row + 1) % words.rows);
-    coder.Encode(words, {&row, 1}, {&word, 1});
+    coder.Encode(coded, {&row, 1}, {&word, 1});
     if (coder.binary()) continue;
     Require(coder.TableOf(words.float_row(row)).entries.size() == codebook.parts() * 16,
             "a query has an entry for each centroid");

@@ -13,10 +13,13 @@
 
 #include "descriptor/match/distance.h"
 #include "index/rank/ranking.h"
+#include "tests/unit/random_descriptors.h"
 #include "vocab/residual_codes.h"
 
 namespace pliant {
 namespace {
+
+using testing::Coded;
 
 constexpr int kDim = 32;
 constexpr std::size_t kWords = 24;
@@ -85,7 +88,7 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
     stored.descriptors = std::move(descriptors);
     stored.object = object;
     return {key, object, "id" + std::to_string(key),
-            quantizer_->BowOf(stored.descriptors, stored.words)};
+            quantizer_->BowOf(Coded(stored.descriptors).view(), stored.words)};
   }
 
   // The distance from its code, by the formula in vocab/residual_codes.h.
@@ -93,7 +96,8 @@ class NeighbourRankingTest : public ::testing::TestWithParam<bool> {
                    std::size_t x) const {
     const ResidualCoder& coder = *quantizer_->coder();
     const std::vector<std::uint32_t> row{static_cast<std::uint32_t>(x)};
-    const auto [code, biases] = coder.Encode(stored.descriptors, row, {&stored.words[x], 1});
+    const auto [code, biases] =
+        coder.Encode(Coded(stored.descriptors).view(), row, {&stored.words[x], 1});
     if (coder.binary()) {
       double bits = 0;
       for (int d = 0; d < kDim; ++d)

@@ -7,8 +7,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <random>
+#include <vector>
 
-#include "descriptor/features/features.h"
+#include "descriptor/features/coded_descriptors.h"
 
 namespace pliant::testing {
 
@@ -34,6 +35,22 @@ inline Descriptors RandomBits(std::size_t rows, int bytes, std::uint64_t seed) {
   for (auto& x : out.bytes) x = static_cast<std::uint8_t>(generator());
   return out;
 }
+
+// `descriptors` as they are stored.
+class Coded {
+ public:
+  explicit Coded(const Descriptors& descriptors)
+      : kind_(descriptors.kind), rows_(descriptors.rows), dim_(descriptors.dim) {
+    PutDescriptors(descriptors, &bytes_);
+  }
+  CodedDescriptors view() const { return {kind_, rows_, dim_, bytes_}; }
+
+ private:
+  DescriptorKind kind_;
+  std::size_t rows_;
+  int dim_;
+  std::vector<std::uint8_t> bytes_;
+};
 
 // The distance by its definition, in double precision.
 inline double PlainDistance(const Descriptors& a, std::size_t i, const Descriptors& b,

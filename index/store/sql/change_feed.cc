@@ -31,7 +31,7 @@ struct Stored {
 
   void Quantize(const Quantizer& quantizer) {
     try {
-      const Descriptors descriptors = DecodeDescriptors(features);
+      const CodedDescriptors descriptors = DescriptorsIn(features);
       const Descriptors& of_words = quantizer.vocabulary().words;
       const auto decoded = DecodeWords(words, of_words.rows);
       if (decoded.size() != descriptors.rows || descriptors.kind != of_words.kind ||
