@@ -73,6 +73,7 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
   ranking.loading = options_.loading;
   ranking.warn = options_.warn;
   ranking.save_from = options_.save_index_from;
+  ranking.keep_previous = options_.part_servers != nullptr;
   if (const std::filesystem::path folder = IndexFolder(options_); !folder.empty()) {
     ranking.files = std::make_shared<IndexFiles>(folder, options_.reserve_bytes);
   }
@@ -96,13 +97,31 @@ EngineCore::~EngineCore() { ranker_->Save(); }
 Ranking EngineCore::Rank(const CollectionView& view, const RankQuery& query,
                          const RankOptions& options) {
   Ranking ranking = options_.part_servers
-                        ? RankInParts(options_.part_servers, {database_, ranker_->followed()}, view,
-                                      query, options)
+                        ? RankParts(view, query, options)
                         : pliant::Rank(*view.snapshot, *view.quantizer, query, options);
   for (auto* images : {&ranking.candidates, &ranking.best}) {
     for (RankedImage& image : *images) image.ref.collection = view.collection;
   }
   return ranking;
+}
+
+Ranking EngineCore::RankParts(const CollectionView& view, const RankQuery& query,
+                              const RankOptions& options) {
+  const DatabaseState state{database_, ranker_->followed()};
+  try {
+    return RankInParts(options_.part_servers, state, view, query, options);
+  } catch (const Error& error) {
+    // Another part may still load the vocabulary that was switched to.
+    const auto previous = ranker_->Previous(view.name);
+    if (error.reason() != "part_unavailable" || !previous ||
+        query.method == RankMethod::kHistogram) {
+      throw;
+    }
+    return RankInParts(
+        options_.part_servers, state, *previous,
+        NeighboursOf(query.descriptors, query.weights, *previous->quantizer, options.threads),
+        options);
+  }
 }
 
 void EngineCore::Follow() {

@@ -59,6 +59,7 @@ class EngineCore {
   // The same, after storing values that the database does not have yet. Called before the first
   // image is described. A read-only engine stores nothing.
   void StoreLimits(ExtractionOptions& extraction);
+  Ranking RankParts(const CollectionView& view, const RankQuery& query, const RankOptions& options);
   void Follow();  // after a commit; reports a failure to options_.warn, and throws it
 
   EngineOptions options_;

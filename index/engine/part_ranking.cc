@@ -355,10 +355,9 @@ std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& databas
         throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server uses another database.");
       }
       kept = std::make_shared<Kept>();
-      auto view = ranker.ViewNow(json.at("name"));
+      auto view = ranker.ViewIn(json.at("vocabulary"), json.at("name"));
       if (view) kept->view = *std::move(view);
       if (kept->view.collection != json.at("collection").get<Key>() ||
-          kept->view.vocabulary != json.at("vocabulary").get<Key>() ||
           !kept->view.has_vocabulary() ||
           ranker.followed() < json.at("followed").get<std::int64_t>()) {
         throw Error(ErrorCode::kNotFound, "part_elsewhere",

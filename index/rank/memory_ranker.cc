@@ -46,7 +46,8 @@ CollectionView MemoryRanker::View(const std::string& collection) {
     const auto found = entries_.find(collection);
     if (found == entries_.end()) throw refusals::NoCollection(collection);
     const Entry& entry = found->second;
-    if (entry.is_current() || (entry.shown && entry.loading)) return ViewOf(collection, entry);
+    if (entry.is_current() || (entry.shown && entry.loading))
+      return ViewOf(collection, *entry.shown);
     if (entry.loading) {
       changed_.wait(lock);
     } else {
@@ -55,18 +56,28 @@ CollectionView MemoryRanker::View(const std::string& collection) {
   }
 }
 
-std::optional<CollectionView> MemoryRanker::ViewNow(const std::string& collection) {
+std::optional<CollectionView> MemoryRanker::ViewIn(Key vocabulary, const std::string& collection) {
   const Lock lock(mutex_);
   CatchUp();
   const auto found = entries_.find(collection);
-  if (found == entries_.end() || !found->second.shown) return std::nullopt;
-  return ViewOf(collection, found->second);
+  if (found == entries_.end()) return std::nullopt;
+  for (const auto& loaded : {found->second.shown, found->second.previous}) {
+    if (loaded && loaded->vocabulary == vocabulary) return ViewOf(collection, *loaded);
+  }
+  return std::nullopt;
 }
 
-CollectionView MemoryRanker::ViewOf(const std::string& name, const Entry& entry) {
-  const Loaded& shown = *entry.shown;
-  return {name, shown.collection, shown.vocabulary, shown.quantizer,
-          shown.index ? shown.index->snapshot() : nullptr};
+std::optional<CollectionView> MemoryRanker::Previous(const std::string& collection) {
+  const Lock lock(mutex_);
+  CatchUp();
+  const auto found = entries_.find(collection);
+  if (found == entries_.end() || !found->second.previous) return std::nullopt;
+  return ViewOf(collection, *found->second.previous);
+}
+
+CollectionView MemoryRanker::ViewOf(const std::string& name, const Loaded& loaded) {
+  return {name, loaded.collection, loaded.vocabulary, loaded.quantizer,
+          loaded.index ? loaded.index->snapshot() : nullptr};
 }
 
 void MemoryRanker::Load() {
@@ -102,6 +113,9 @@ void MemoryRanker::LoadAll(Lock& lock) {
 }
 
 void MemoryRanker::CatchUp() {
+  for (auto& [name, entry] : entries_) {
+    if (entry.previous && Clock::now() >= entry.previous_until) entry.previous.reset();
+  }
   const std::int64_t version = feed_->Version();
   if (version == version_) return;
   const std::unique_ptr<FeedView> view = feed_->Poll();
@@ -143,11 +157,16 @@ void MemoryRanker::CatchUpWith(FeedView& view) {
 MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& state,
                                           FeedView& view) {
   entry.vocabulary = state.vocabulary;
+  // An index that an exception left half changed must not be shown: it is removed first, and put
+  // back when it is whole.
+  const auto known = entries_.find(state.name);
+  if (entry.previous) {
+    Loaded previous = *std::exchange(entry.previous, std::nullopt);
+    known->second.previous.reset();
+    if (BringUpToDate(previous, view)) entry.previous = std::move(previous);
+  }
   if (entry.shown && entry.shown->index) {
-    // An index that an exception left half changed must not be shown: it is removed first, and put
-    // back when it is whole.
     Loaded shown = *std::exchange(entry.shown, std::nullopt);
-    const auto known = entries_.find(state.name);
     if (known != entries_.end()) known->second.shown.reset();
     try {
       if (BringUpToDate(shown, view)) entry.shown = std::move(shown);
@@ -161,12 +180,22 @@ MemoryRanker::Entry MemoryRanker::Updated(Entry entry, const CollectionState& st
   }
   if (entry.is_current()) return entry;
   if (state.vocabulary == 0) {
-    entry.shown = Loaded{state.key, 0, nullptr, nullptr, view.Position(), {}};
+    entry.shown = Loaded{.collection = state.key, .at = view.Position()};
   } else if (auto prepared = TakePrepared(state.key, state.vocabulary);
              prepared && BringUpToDate(*prepared, view)) {
-    entry.shown = std::move(prepared);
+    Show(*std::move(prepared), &entry);
   }
   return entry;
+}
+
+void MemoryRanker::Show(Loaded loaded, Entry* entry) const {
+  if (options_.keep_previous && entry->shown && entry->shown->index &&
+      entry->shown->vocabulary != loaded.vocabulary) {
+    constexpr std::chrono::seconds kLeast{10};
+    entry->previous = std::move(entry->shown);
+    entry->previous_until = Clock::now() + kLeast + 3 * loaded.took;
+  }
+  entry->shown = std::move(loaded);
 }
 
 // A replaced image is a removal and an addition: both must come in one snapshot, or a search sees
@@ -213,7 +242,7 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
   const auto entry = entries_.find(name);
   if (entry != entries_.end() && entry->second.collection == collection) {
     entry->second.loading = false;
-    if (loaded) entry->second.shown = std::move(loaded);
+    if (loaded) Show(*std::move(loaded), &entry->second);
   }
   version_.reset();  // changes during the loading are applied before it is shown
   changed_.notify_all();
@@ -222,7 +251,8 @@ void MemoryRanker::LoadEntry(const std::string& name, Lock& lock) {
 }
 
 MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key vocabulary) {
-  Loaded loaded{collection, vocabulary, nullptr, nullptr, view.Position(), {}};
+  const auto begun = Clock::now();
+  Loaded loaded{.collection = collection, .vocabulary = vocabulary, .at = view.Position()};
   if (vocabulary == 0) return loaded;
   const std::shared_ptr<const Vocabulary> words = view.ReadVocabulary(vocabulary);
   auto quantizer =
@@ -248,6 +278,7 @@ MemoryRanker::Loaded MemoryRanker::LoadAside(FeedView& view, Key collection, Key
                       loaded.index->Append(std::move(chunk));
                       Progress(images);
                     });
+  loaded.took = Clock::now() - begun;
   return loaded;
 }
 
@@ -327,7 +358,9 @@ std::size_t MemoryRanker::memory_bytes() const {
   const std::lock_guard lock(mutex_);
   std::size_t bytes = 0;
   for (const auto& [name, entry] : entries_) {
-    if (entry.shown && entry.shown->index) bytes += entry.shown->index->snapshot()->memory_bytes();
+    for (const auto* loaded : {&entry.shown, &entry.previous}) {
+      if (*loaded && (*loaded)->index) bytes += (*loaded)->index->snapshot()->memory_bytes();
+    }
   }
   return bytes;
 }

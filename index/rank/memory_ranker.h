@@ -10,6 +10,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <functional>
 #include <map>
@@ -34,6 +35,9 @@ struct MemoryRankerOptions {
   std::shared_ptr<IndexFiles> files;  // nullptr: the index is always built from the store
   std::size_t save_from = 0;          // images: smaller indexes are not saved
   std::function<void(const std::string& failure)> warn;  // of files; can be empty
+  // After a switch of the vocabulary, for three times as long as loading took: other processes that
+  // hold parts of the index may need longer.
+  bool keep_previous = false;
 };
 
 // Thread-safe. Throws what a database throws.
@@ -44,8 +48,10 @@ class MemoryRanker {
   // The present state: with all writes of this process and, unless a collection is just being
   // reloaded, of others. kNotFound "collection_not_found".
   CollectionView View(const std::string& collection);
-  // The same without loading: nullopt where that would be necessary.
-  std::optional<CollectionView> ViewNow(const std::string& collection);
+  // The state in this vocabulary, the active one or the previous one: nullopt if it is not loaded.
+  std::optional<CollectionView> ViewIn(Key vocabulary, const std::string& collection);
+  // The state in the previous vocabulary, while it is kept.
+  std::optional<CollectionView> Previous(const std::string& collection);
   // Loads everything, so that the first search does not wait.
   void Load();
   // Call it after each commit of this process, before its writer returns: later views show the
@@ -67,20 +73,25 @@ class MemoryRanker {
   std::vector<std::string> Check();
 
  private:
+  using Clock = std::chrono::steady_clock;
+
   // Words of one collection in one vocabulary, at a position of the feed.
   struct Loaded {
     Key collection = 0;
     Key vocabulary = 0;  // 0 = none: nothing to load
-    std::shared_ptr<const Quantizer> quantizer;
-    std::shared_ptr<InvertedIndex> index;
+    std::shared_ptr<const Quantizer> quantizer = {};
+    std::shared_ptr<InvertedIndex> index = {};
     FeedPosition at;
-    std::optional<FeedPosition> saved;  // where it was saved last, if it could be
+    std::optional<FeedPosition> saved = {};  // where it was saved last, if it could be
+    Clock::duration took{};                  // to load it
   };
   struct Entry {
     Key collection = 0;
     Key vocabulary = 0;           // the active one in the store
     std::optional<Loaded> shown;  // used by searches; absent before the first load
     bool loading = false;         // by one thread, in the background
+    std::optional<Loaded> previous;
+    Clock::time_point previous_until;
 
     bool is_current() const { return shown && shown->vocabulary == vocabulary; }
   };
@@ -93,9 +104,10 @@ class MemoryRanker {
   // False: the store has forgotten some removals.
   static bool BringUpToDate(Loaded& loaded, FeedView& view);
   std::optional<Loaded> TakePrepared(Key collection, Key vocabulary);
+  void Show(Loaded loaded, Entry* entry) const;
   void LoadEntry(const std::string& name, Lock& lock);  // releases the lock while it loads
   void LoadAll(Lock& lock);
-  static CollectionView ViewOf(const std::string& name, const Entry& entry);
+  static CollectionView ViewOf(const std::string& name, const Loaded& loaded);
   // One that has at least so many changes that are not saved.
   Loaded* Unsaved(std::int64_t changes);
 

@@ -30,6 +30,7 @@ class Engines : public PartServers {
                                         std::span<const Kept> kept, const std::string& to_kept,
                                         Clock::time_point) override {
     if (!kept.empty() && between_steps) between_steps();
+    if (std::exchange(is_late, false)) return std::vector<std::optional<Reply>>(engines_.size());
     std::vector<std::optional<Reply>> replies(engines_.size());
     for (std::size_t part = 0; part < engines_.size(); ++part) {
       if (missing.contains(part)) continue;
@@ -44,6 +45,7 @@ class Engines : public PartServers {
   }
 
   std::set<std::size_t> missing;  // parts
+  bool is_late = false;           // all parts, the next time
   std::function<void()> between_steps;
   int refused = 0;
   std::string last;  // message of a whole query
@@ -189,6 +191,19 @@ TEST_P(PartsTest, APartWithoutServerIsAnErrorUnlessTheSearchIsPartial) {
   for (int part = 0; part < GetParam(); ++part) servers_->missing.insert(part);
   ExpectError(ErrorCode::kUnavailable, "part_unavailable",
               [&] { asks_->Search(RandomPng(3), partial); });
+}
+
+TEST_P(PartsTest, SearchesGoOnWhileAVocabularyIsSwitched) {
+  const SearchResult before = asks_->Search(RandomPng(3), ByImage());
+  const std::string asked_before = servers_->last;
+  whole_->UseVocabulary("default", Train(*whole_, 60).id);
+  const SearchResult after = asks_->Search(RandomPng(3), ByImage());
+  // A server that has not switched asks one that has.
+  EXPECT_NO_THROW(asks_->RankPart({1, GetParam()}, "", asked_before, 1, Later()));
+  // A server that has switched asks some that have not.
+  servers_->is_late = true;
+  ExpectSame(before, asks_->Search(RandomPng(3), ByImage()));
+  ExpectSame(after, asks_->Search(RandomPng(3), ByImage()));
 }
 
 TEST_P(PartsTest, AServerOfAnotherDatabaseDoesNotAnswer) {
