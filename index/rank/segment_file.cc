@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kFormat = "pliant-segment-2";  // another number for another layout, or other codes
+constexpr const char* kFormat = "pliant-segment-2";  // another number for other contents
 
 std::string HexOf(XXH64_hash_t hash) {
   XXH64_canonical_t bytes;
