@@ -419,7 +419,7 @@ DescriptorChoice ParseDescriptorChoice(const std::string& text) {
   }
   const bool weights = name == "deal" || name.starts_with("deal-");
   if (equals != std::string::npos && (choice.model.empty() || !weights)) {
-    throw Error(ErrorCode::kInvalidArgument, "bad_descriptor",
+    throw Error(ErrorCode::kInvalidArgument, "descriptor_invalid",
                 "'" + text + "': only deal and its variants take a weight file, as in deal=FILE");
   }
   choice.repeats = name == "sift+repeats";

@@ -142,7 +142,7 @@ const PresetRow& RowOf(Preset preset) {
 void Require(bool condition, const char* field, const char* range) {
   if (condition) return;
   throw Error(ErrorCode::kInvalidArgument, "option_out_of_range",
-              std::string("simulation option ") + field + " must be " + range);
+              std::string(field) + " must be " + range);
 }
 
 // The views of every preset but street.

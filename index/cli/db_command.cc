@@ -337,20 +337,21 @@ ExitStatus Remove(Options& options) {
   Engine engine = OpenExisting(options.engine, /*read_only=*/false);
   std::uint64_t removed = 0;
   std::vector<std::string> missing;
+  const auto skip = [&](const std::string& name, const char* why) {
+    missing.push_back(ToDisplayText(name));
+    if (!options.json) Message("skipped {}: {}", missing.back(), why);
+  };
   for (const std::string& id : options.ids) {
     if (engine.Remove(options.collection, id)) {
       ++removed;
     } else {
-      missing.push_back(ToDisplayText(id));
+      skip(id, "no image has this id");
     }
   }
   for (const std::string& object : options.objects) {
     const std::uint64_t images = engine.RemoveObject(options.collection, object);
     removed += images;
-    if (images == 0) missing.push_back(ToDisplayText(object));
-  }
-  for (const std::string& id : missing) {
-    if (!options.json) Message("skipped {}: no image has this id", id);
+    if (images == 0) skip(object, "no object has this name");
   }
   Report(options.json, {{"removed", removed}, {"missing", missing}}, "removed {}", removed);
   return missing.empty() ? ExitStatus::kDone : ExitStatus::kSomeSkipped;
@@ -369,25 +370,31 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                        const std::string& example) {
     CLI::App* sub = app->add_subcommand(name, help);
     AddDatabaseFlag(*sub, options->engine);
-    AddOriginalsFlag(
-        *sub, options->engine,
-        "directory of the originals (default: the directory recorded in the database)");
     AddJsonFlag(*sub, options->json);
     sub->footer("Example:  pliant db " + example);
     sub->callback([=, &status] { status = run(*options); });
     return sub;
   };
+  // Of the commands that open the database with its originals.
+  const auto add_opening = [&](const char* name, const char* help, ExitStatus (*run)(Options&),
+                               const std::string& example) {
+    CLI::App* sub = add(name, help, run, example);
+    AddOriginalsFlag(
+        *sub, options->engine,
+        "directory of the originals (default: the directory recorded in the database)");
+    return sub;
+  };
   add("init", "Create the missing tables of a database on a PostgreSQL server", Initialize,
       "init --db postgresql://pliant@host/pliant");
-  add("stats", "Show the number of images, sizes, the vocabulary and the collections", Stats,
-      "stats --db my.db --collection shirts")
+  add_opening("stats", "Show the number of images, sizes, the vocabulary and the collections",
+              Stats, "stats --db my.db --collection shirts")
       ->add_option("--collection", options->only_collection, "only this collection")
       ->type_name("NAME");
-  add("check", "Verify the integrity of the database", Check, "check --db my.db")
+  add_opening("check", "Verify the integrity of the database", Check, "check --db my.db")
       ->add_flag("--sweep", options->sweep,
                  "also remove unreferenced files from the directory of the originals");
-  add("backup", "Copy the database to a new file, even while it is in use", Backup,
-      "backup monday.db --db my.db")
+  add_opening("backup", "Copy the database to a new file, even while it is in use", Backup,
+              "backup monday.db --db my.db")
       ->add_option("FILE", options->backup, "the new file")
       ->required();
   CLI::App* restore = add("restore", "Replace the database with a backup", Restore,
@@ -399,10 +406,11 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
                        "copy postgresql://pliant@host/pliant --db my.db");
   copy->add_option("TO", options->copy.to, "the other database; run again to resume a stopped copy")
       ->required();
-  copy->add_option("--compare", options->compare, "number of rankings to compare afterwards");
+  copy->add_option("--compare", options->compare, "number of rankings to compare afterwards")
+      ->check(AtLeast(0));
   CLI::App* exporting =
-      add("export", "Write the features of a collection, or its records, to a file", Export,
-          "export features.npz --db my.db");
+      add_opening("export", "Write the features of a collection, or its records, to a file", Export,
+                  "export features.npz --db my.db");
   exporting
       ->add_option("FILE", options->out,
                    "the file to write: features as .npz (NumPy), records as .ndjson, or names and "
@@ -413,12 +421,18 @@ void AddDbCommand(CLI::App& program, ExitStatus& status) {
       ->type_name("NAME");
   AddFilterFlag(*exporting, options->filter,
                 "only images whose metadata match; see `pliant query --help`");
-  add("originals", "Move the uploaded files into a directory, or back", MoveOriginals,
-      "originals images/ --db my.db")
-      ->add_option("DIR|database", options->place, "the new location of the files")
-      ->required();
+  add_opening("originals", "Move the originals, the stored image files, into a directory, or back",
+              MoveOriginals, "originals images/ --db my.db")
+      ->add_option("DIR|database", options->place,
+                   "the new location: a directory, or `database` for inside the database")
+      ->required()
+      ->check(CLI::Validator(
+          [](const std::string& place) {
+            return std::string(place.empty() ? "must not be empty" : "");
+          },
+          ""));
   CLI::App* remove =
-      add("rm", "Remove images permanently", Remove, "rm --object 'red shirt' --db my.db");
+      add_opening("rm", "Remove images permanently", Remove, "rm --object 'red shirt' --db my.db");
   AddCollectionFlag(*remove, options->collection);
   remove->add_option("ID", options->ids, "image ids");
   remove->add_option("--object", options->objects, "all images of this object")->type_name("NAME");

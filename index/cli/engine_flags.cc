@@ -47,7 +47,9 @@ void AddJobsFlag(CLI::App& app, int& jobs, const std::string& what) {
 }
 
 void AddModelFlag(CLI::App& app, std::filesystem::path& model) {
-  app.add_option("--model", model, "weight file for deal and its variants, or its folder")
+  app.add_option(
+         "--model", model,
+         "weight file for deal and its variants, or its folder (default: the installed one)")
       ->type_name("FILE");
 }
 
@@ -65,11 +67,23 @@ void AddFilterFlag(CLI::App& app, std::string& filter, const std::string& help) 
   app.add_option("--filter", filter, help)->option_text("JSON");
 }
 
-void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
+void AddSeedFlag(CLI::App& app, std::uint64_t& seed, const std::string& help) {
+  app.add_option("--seed", seed, help)->check(AtLeast(0));
+}
+
+void AddExtractionFlags(CLI::App& app, EngineOptions& engine, ValuesFrom from) {
+  const EngineOptions defaults;
   engine.descriptor.clear();
-  app.add_option("--descriptor", engine.descriptor,
-                 "the descriptor: " + Join(DescriptorNames(), ", ") +
-                     " (default: the descriptor of the database, deal for a new one)")
+  const bool here = from == ValuesFrom::kHere;
+  const auto with_default = [&](const std::string& help, const std::string& value) {
+    if (from == ValuesFrom::kDatabase)
+      return help + " (must be, and by default is, the database's)";
+    return help +
+           " (default: " + (here ? value : "the database's, or " + value + " for a new one") + ")";
+  };
+  app.add_option(
+         "--descriptor", engine.descriptor,
+         with_default("the descriptor: " + Join(DescriptorNames(), ", "), defaults.descriptor))
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME");
   AddModelFlag(app, engine.descriptor_options.model_path);
@@ -79,8 +93,10 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   };
   app.add_option_function<int>(
          "--max-keypoints", keypoints,
-         "keypoints per indexed image, strongest first; twice as many per query (default: the "
-         "value of the database, 512 for a new one)")
+         with_default(here ? "keypoints per image, strongest first"
+                           : "keypoints per indexed image, strongest first; a query has twice as "
+                             "many",
+                      std::to_string(defaults.extraction.keypoints.max_keypoints)))
       ->check(Between(1, 4096));
   const auto side = [&engine](int value) {
     engine.max_side_px = value;
@@ -88,8 +104,8 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine) {
   };
   app.add_option_function<int>(
          "--max-side", side,
-         "scale larger images down to this longer side in pixels (default: the "
-         "value of the database, 1024 for a new one)")
+         with_default("scale larger images down to this longer side in pixels",
+                      std::to_string(defaults.extraction.decode.max_side_px)))
       ->check(Between(16, 65536));
 }
 
@@ -125,20 +141,28 @@ void AddFeaturesFlag(CLI::App& app, std::vector<std::string>& features) {
       ->type_name("NAME=FOLDER");
 }
 
+void AddRatioFlag(CLI::App& app, const std::string& name, float& ratio) {
+  app.add_option(
+         name, ratio,
+         "ratio test: largest ratio of the nearest to the second nearest distance; 1 = none")
+      ->check(AboveZero(1));
+}
+
 void AddTrackingFlags(CLI::App& app, int& every, LocateOptions& locate) {
   VerificationOptions& verification = locate.verification;
   app.add_option("--every", every, "use every N-th frame only")->check(Between(1, 1'000'000));
   app.add_option("--iterations", verification.ransac.iterations, "RANSAC samples per frame")
       ->check(Between(1, 1'000'000));
-  app.add_option("--max-ratio", verification.max_ratio,
-                 "ratio test: largest ratio of the nearest to the second nearest distance");
+  AddRatioFlag(app, "--max-ratio", verification.max_ratio);
   app.add_option("--tolerance", verification.tolerance,
-                 "largest distance of a match from the warp, relative to the frame's longer side");
+                 "largest distance of a match from the warp, relative to the frame's longer side")
+      ->check(AboveZero(1));
   app.add_option("--regularization", verification.ransac.regularization,
                  "stiffness of the thin-plate spline; 0 = none")
       ->check(AtLeast(0));
   app.add_option("--min-inliers", locate.min_inliers,
-                 "with fewer inliers the object counts as lost");
+                 "with fewer inliers the object counts as lost")
+      ->check(AtLeast(4));
 }
 
 }  // namespace pliant::cli

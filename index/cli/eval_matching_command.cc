@@ -201,16 +201,20 @@ void AddSelectionFlags(CLI::App& app, Options& options) {
       ->type_name("NAME,...");
   AddFeaturesFlag(app, options.features);
   AddModelFlag(app, matching.model);
-  app.add_option("--pairs", matching.pairs, "number of pairs, chosen by --seed; 0 = all");
-  app.add_option("--seed", matching.seed, "same seed, same pairs");
-  app.add_option("--keypoints", matching.max_keypoints, "keypoints per image, strongest first");
+  app.add_option("--pairs", matching.pairs, "number of pairs, chosen by --seed; 0 = all")
+      ->check(AtLeast(0));
+  AddSeedFlag(app, matching.seed, "same seed, same pairs");
+  app.add_option("--keypoints", matching.max_keypoints, "keypoints per image, strongest first")
+      ->check(Between(1, 4096));
   app.add_flag("--enlarge", matching.enlarge,
                "also use low-contrast keypoints and keypoints of the enlarged images, like "
                "`pliant query`");
   app.add_option("--tolerance", matching.tolerance_px,
-                 "largest distance of a correct match from the true position, in pixels");
+                 "largest distance of a correct match from the true position, in pixels")
+      ->check(AboveZero(100));
   app.add_option("--min-true-pairs", matching.min_true_pairs,
-                 "exclude pairs with fewer common keypoints");
+                 "exclude pairs with fewer common keypoints")
+      ->check(AtLeast(1));
   AddJobsFlag(app, matching.jobs, "threads, one scene each");
 }
 

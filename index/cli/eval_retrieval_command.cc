@@ -276,10 +276,10 @@ void AddRunFlags(CLI::App& app, RetrievalOptions& retrieval) {
                  "vocabulary sizes, one row each (not for paper); 0 = the default of index")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(AtLeast(0));
+      ->check(Between(0, static_cast<int>(kMaxWords)));
   app.add_option("--sample", retrieval.sample,
                  "descriptors used to train vocabularies (not for paper); 0 = the default of index")
-      ->check(AtLeast(0));
+      ->check(Between(0, static_cast<int>(kMaxVocabularySamples)));
   AddRankFlag(app, retrieval.rank,
               "ranking of all protocols except paper; histogram has no verification (default: "
               "neighbours)");

@@ -25,13 +25,13 @@ struct ImageInput {
 // does not know, come as PNG. Throws like ReadFile and, for a broken PGM or PPM, like DecodeImage.
 ImageInput ReadImage(const std::filesystem::path& path, std::int64_t max_bytes);
 
-// Calls `work`; errors that concern this image alone begin with its name.
+// Calls `work`; errors that concern this image alone, not an option, begin with its name.
 template <typename Work>
 auto Naming(const ImageInput& image, Work work) {
   try {
     return work();
   } catch (const Error& error) {
-    if (!ConcernsOneImage(error.code())) throw;
+    if (!ConcernsOneImage(error.code()) || error.code() == ErrorCode::kInvalidArgument) throw;
     throw Error(error.code(), error.reason(), image.name + ": " + error.what());
   }
 }

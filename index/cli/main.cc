@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <csignal>
 #include <filesystem>
+#include <memory>
 #include <new>
 #include <string>
 #include <vector>
@@ -95,6 +96,7 @@ void AddCommands(CLI::App& program, ExitStatus& status) {
 
 ExitStatus Run(int argc, char** argv) {
   CLI::App program("Find the same object again, however it is bent, folded or crumpled.", "pliant");
+  program.formatter(std::make_shared<HelpFormatter>());
   program.set_version_flag("--version", std::string("pliant ") + PLIANT_VERSION);
   program.footer(kFooter);
   program.failure_message(UsageError);
@@ -108,13 +110,13 @@ ExitStatus Run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return program.exit(error) == 0 ? ExitStatus::kDone : ExitStatus::kWrongUsage;
   } catch (const Error& error) {
-    ReportError(error, WantsJson(program));
+    ReportError(error, program, WantsJson(program));
     return ToExitStatus(error.code());
   } catch (const std::bad_alloc&) {
-    ReportError({ErrorCode::kUnavailable, "out_of_memory", "not enough memory"},
+    ReportError({ErrorCode::kUnavailable, "out_of_memory", "not enough memory"}, program,
                 WantsJson(program));
   } catch (const std::exception& error) {
-    ReportError({ErrorCode::kInternal, "internal", error.what()}, WantsJson(program));
+    ReportError({ErrorCode::kInternal, "internal", error.what()}, program, WantsJson(program));
   }
   return ExitStatus::kFailed;
 }

@@ -400,8 +400,7 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
       ->required();
   app->add_option("B", options->second, "another image of the same object");
   AddExtractionFlags(*app, options->engine);
-  app->add_option("--ratio", options->match.max_ratio,
-                  "ratio test: largest ratio of the nearest to the second nearest distance");
+  AddRatioFlag(*app, "--ratio", options->match.max_ratio);
   CLI::Option* homography =
       app->add_option(
              "--homography", options->homography,
@@ -417,7 +416,7 @@ void AddMatchCommand(CLI::App& program, ExitStatus& status) {
              "--draw", options->draw,
              "draw both images with the matches: blue correct, orange wrong, purple unknown; "
              "- = standard output")
-          ->type_name("PNG");
+          ->type_name("FILE");
   CLI::Option* colmap =
       app->add_option(
              "--colmap", options->colmap,

@@ -69,8 +69,8 @@ void FlushOutput() {
   }
 }
 
-void ReportError(const Error& error, bool json) {
-  std::string message = ToDisplayText(WithFlagNames(error));
+void ReportError(const Error& error, const CLI::App& program, bool json) {
+  std::string message = ToDisplayText(WithFlagNames(error, &program));
   if (error.reason() == "database_not_found")
     message += "; `pliant index DIR --db FILE` creates one";
   Message("pliant: {}", message);

@@ -59,8 +59,8 @@ void Report(bool json, const Json& document, fmt::format_string<First, Rest...> 
 void ClaimStandardOutput(std::string_view flag, bool json);
 void FlushOutput();  // throws kNoSpace when standard output cannot be written
 // "pliant: what" on standard error and, when `json`, {"error": {"code", "message"}} on standard
-// output.
-void ReportError(const Error& error, bool json);
+// output. With the flags of the command of `program` that was given.
+void ReportError(const Error& error, const CLI::App& program, bool json);
 
 // "skipped a.png: ..." on standard error.
 void ReportSkipped(const std::vector<SkippedFile>& skipped);

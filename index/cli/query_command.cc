@@ -23,6 +23,7 @@
 #include "index/cli/image_input.h"
 #include "index/cli/output.h"
 #include "index/cli/write_file.h"
+#include "index/files/text.h"
 #include "index/json/result_json.h"
 #include "index/records/filter.h"
 
@@ -79,7 +80,7 @@ void PrintExplanations(const SearchResult& result) {
 // The result of a query as images: the matches, and the flattened object.
 struct ShownHit {
   Hit hit;                            // with its explanation
-  std::optional<DecodedImage> image;  // in colour; nullopt if its bytes were not kept
+  std::optional<DecodedImage> image;  // in colour; nullopt if its file is not kept, or lost
 };
 
 constexpr int kBoxWidth = 480;  // each image of a row is fitted into it
@@ -144,7 +145,7 @@ void DrawRow(Image& sheet, const DecodedImage& query, const ShownHit& shown, int
   const int right_x = 2 * kGap + kBoxWidth;
   if (!shown.image) {
     DrawText(sheet, right_x + 20, top + kCaption + kBoxHeight / 2,
-             "(the database does not store this image file)", colours::kGrey, kLetters);
+             "(this image's file is not stored, or damaged)", colours::kGrey, kLetters);
     return;
   }
   const Placed right = Fit(*shown.image, right_x, top + kCaption);
@@ -238,14 +239,19 @@ DecodedImage Decode(Bytes bytes, DecodeOptions options) {
   return DecodeImage(bytes, options);
 }
 
-ShownHit Show(Engine& engine, const Hit& hit, const Options& options) {
+// `complete` becomes false if the file is lost or damaged (reported on standard error).
+ShownHit Show(Engine& engine, const Hit& hit, const Options& options, bool& complete) {
   ShownHit shown{hit, std::nullopt};
   try {
     shown.image = Decode(engine.GetContent(options.search.collection, hit.image_id),
                          options.engine.extraction.decode);
   } catch (const Error& error) {
     // Not kept, or removed by another process just now: the row says so.
-    if (error.code() != ErrorCode::kNotFound) throw;
+    if (error.code() == ErrorCode::kNotFound) return shown;
+    complete = false;
+    Message("skipped the image of hit {}, {}: {}", hit.rank,
+            ToDisplayText(hit.object.empty() ? hit.image_id : hit.object),
+            ToDisplayText(error.what()));
   }
   return shown;
 }
@@ -264,6 +270,7 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
                    const Options& options) {
   const bool one_file = IsImageName(options.unwarp);
   bool any = false;
+  bool complete = true;
   // A mesh of a few chance matches shows nothing.
   const std::size_t found = std::min(result.hits.size(), result.found.value_or(result.hits.size()));
   for (const Hit& hit : std::span(result.hits).first(found)) {
@@ -279,28 +286,30 @@ bool WriteUnwarped(Engine& engine, const DecodedImage& query, const SearchResult
     }
     any = true;
     WriteImage(one_file ? options.unwarp : options.unwarp / FileName(hit),
-               DrawUnwarped(query, Show(engine, hit, options)));
+               DrawUnwarped(query, Show(engine, hit, options, complete)));
     if (one_file) break;
   }
   if (!any) {
     Message("skipped {}: nothing was found, so there is nothing to unwarp",
             PathText(options.unwarp));
   }
-  return any;
+  return any && complete;
 }
 
 // Writes the images that --draw and --unwarp ask for, from a result with explanations. false:
-// nothing was found, so there was nothing to unwarp (reported on standard error).
+// nothing was found, so there was nothing to unwarp, or a stored image is lost (reported on
+// standard error).
 bool WriteQueryImages(Engine& engine, Bytes query, const SearchResult& result,
                       const Options& options) {
   if (options.draw.empty() && options.unwarp.empty()) return true;
   const DecodedImage decoded = Decode(query, options.engine.extraction.decode);
+  bool complete = true;
   if (!options.draw.empty()) {
     std::vector<ShownHit> shown;
-    for (const Hit& hit : result.hits) shown.push_back(Show(engine, hit, options));
+    for (const Hit& hit : result.hits) shown.push_back(Show(engine, hit, options, complete));
     WriteImage(options.draw, DrawHits(decoded, shown));
   }
-  return options.unwarp.empty() || WriteUnwarped(engine, decoded, result, options);
+  return (options.unwarp.empty() || WriteUnwarped(engine, decoded, result, options)) && complete;
 }
 
 ExitStatus Run(Options& options) {
@@ -312,7 +321,11 @@ ExitStatus Run(Options& options) {
   CheckNotInput(options.draw, {options.image});
   CheckNotInput(options.unwarp, {options.image});
   CheckImageOutput(options.draw, "--draw", options.json);
-  if (IsImageName(options.unwarp)) CheckOutput(options.unwarp, "--unwarp", options.json);
+  if (IsImageName(options.unwarp)) {
+    CheckOutput(options.unwarp, "--unwarp", options.json);
+  } else {
+    CheckFolderName(options.unwarp, "a .png or .jpg file");
+  }
   const ImageInput image = ReadImage(options.image, options.engine.extraction.decode.max_bytes);
   options.engine.read_only = true;
   options.engine.create = false;
@@ -371,22 +384,26 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       "if nothing is found, run a second pass at high resolution, and return the answer with "
       "more evidence; if little is found, look for mirrored objects (default: yes)");
   app->add_option("--region", options->region,
-                  "search only this rectangle of the query image, in its pixels: X,Y,W,H")
+                  "search only this rectangle of the query image, in its pixels")
       ->delimiter(',')
       ->expected(4)
-      ->type_name("X,Y,W,H");
-  app->add_option("--object", search.object, "only images of this object");
+      ->type_name("X,Y,W,H")
+      ->option_text("X,Y,W,H");
+  app->add_option("--object", search.object, "only images of this object")->type_name("NAME");
   AddFilterFlag(
       *app, options->filter,
       "only images whose metadata match: JSON such as '{\"shop\": \"east\", \"year\": {\"gte\": "
-      "2020}}'; tests are in, ne, gt, gte, lt, lte, exists; join filters with and, or, not");
-  app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1");
-  AddExtractionFlags(*app, options->engine);
+      "2020}}'; tests are in, ne, gt, gte, lt, lte, prefix, contains, exists; join filters with "
+      "and, or, not");
+  app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1")
+      ->check(Within(0, 1));
+  AddExtractionFlags(*app, options->engine, ValuesFrom::kDatabase);
   app->add_flag("--explain", search.explain,
                 "explain every hit: its score, the matches and the warp of its surface");
-  app->add_option("--draw", options->draw,
-                  "draw the query and its hits with outlines and matches to this PNG file; - = "
-                  "standard output")
+  app->add_option(
+         "--draw", options->draw,
+         "draw the query and its hits with outlines and matches to this .png or .jpg file; "
+         "- = standard output")
       ->type_name("FILE");
   app->add_option("--unwarp", options->unwarp,
                   "draw the flattened object beside the hit: the best verified hit to a .png or "

@@ -120,8 +120,9 @@ void AddSelfTestCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("--pictures", options->test.pictures, "number of simulated photos")
       ->check(Between(1, 10'000));
   app->add_option("--false-alarms", options->test.false_alarms,
-                  "highest share of photos of absent objects that may be found");
-  app->add_option("--seed", options->test.seed, "same seed, same photos");
+                  "highest share of photos of absent objects that may be found")
+      ->check(AboveZero(1));
+  AddSeedFlag(*app, options->test.seed, "same seed, same photos");
   AddJobsFlag(*app, options->test.threads, "threads, one photo each");
   app->add_flag("--calibrate", options->calibrate,
                 "from now on, count hits as found from the advised probability");

@@ -75,25 +75,33 @@ void AddSimulateCommand(CLI::App& program, ExitStatus& status) {
   choose("--format", simulate.format,
          "tensors (for training) or folders; auto: tensors for pairs and street, else folders",
          {"auto", "tensors", "folders"});
-  app->add_option("--scenes", simulate.scenes, "number of scenes or objects");
-  app->add_option("--first", simulate.first, "number of the first scene");
+  app->add_option("--scenes", simulate.scenes, "number of scenes or objects")->check(AtLeast(1));
+  app->add_option("--first", simulate.first, "number of the first scene")->check(AtLeast(0));
   app->add_option("--distractors", simulate.distractors,
-                  "preset objects: further objects without a reference");
+                  "preset objects: further objects without a reference")
+      ->check(AtLeast(0));
   app->add_option("--views", simulate.views,
-                  "images per scene, including the reference; 0 = the default of the preset");
-  app->add_option("--width", simulate.width, "width of each image, in pixels");
-  app->add_option("--height", simulate.height, "height of each image, in pixels");
+                  "images per scene, including the reference, 2 or more; 0 = the default of the "
+                  "preset")
+      ->check(Between(0, 10'000));
+  app->add_option("--width", simulate.width, "width of each image, in pixels")
+      ->check(Between(32, 4096));
+  app->add_option("--height", simulate.height, "height of each image, in pixels")
+      ->check(Between(32, 4096));
   app->add_flag("--colour", simulate.colour, "render in colour instead of grey");
   app->add_option("--strength", simulate.strength,
-                  "strength of deformation, light and noise, above 0, at most 1");
-  app->add_option("--occluders", simulate.occluders,
-                  "probability that a part of a view is covered");
+                  "strength of deformation, light and noise, above 0, at most 1")
+      ->check(AboveZero(1));
+  app->add_option("--occluders", simulate.occluders, "probability that a part of a view is covered")
+      ->check(Within(0, 1));
   app->add_option("--turn", simulate.turn_deg,
-                  "preset sequence: maximum rotation of the camera about its axis, in degrees");
+                  "preset sequence: maximum rotation of the camera about its axis, in degrees")
+      ->check(Within(0, 3600));
   app->add_option("--least-scale", simulate.least_scale,
-                  "preset sequence: smallest scale of the object at the end, 0.1 to 1");
-  app->add_option("--seed", simulate.seed, "same seed, same scenes");
-  app->add_option("--jobs,-j", simulate.jobs, "threads, one scene each; 0 = one per core");
+                  "preset sequence: smallest scale of the object at the end, 0.1 to 1")
+      ->check(Within(0.1, 1));
+  AddSeedFlag(*app, simulate.seed, "same seed, same scenes");
+  AddJobsFlag(*app, simulate.jobs, "threads, one scene each");
   AddJsonFlag(*app, options->json);
   app->footer(
       "Example:  pliant simulate --textures procedural --out scenes --preset objects --scenes 3");

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
 // pliant track REFERENCE VIDEO|DIR
-#include <cctype>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -32,25 +31,12 @@ namespace fs = std::filesystem;
               path.string() + " cannot be written; check that the folder exists and is writable");
 }
 
-// Call it before the work whose result is written. Throws kInvalidArgument "bad_video_name" for a
-// name that promises a file of another type (.gif), kNoSpace "file_unwritable" if a video's folder
-// does not exist.
+// Call it before the work whose result is written. Throws what CheckFolderName throws, and kNoSpace
+// "file_unwritable" if a video's folder does not exist.
 void CheckTrackOutName(const fs::path& out) {
   std::error_code ignored;
-  if (HasVideoName(out)) {
-    if (!fs::is_directory(fs::absolute(out).parent_path(), ignored)) FailToWrite(out);
-    return;
-  }
-  // "run.2" may be meant; "o.gif" is not.
-  const std::string extension = out.extension().string();
-  const bool promises =
-      extension.size() > 1 && std::isalpha(static_cast<unsigned char>(extension[1])) != 0;
-  if (!promises || fs::is_directory(out, ignored)) return;
-  throw Error(
-      ErrorCode::kInvalidArgument, "bad_video_name",
-      fmt::format("{}: cannot write {} files; give a video (.mp4, .m4v, .mov, .mkv, .avi) or a "
-                  "folder for images; end the name of such a folder with a slash",
-                  PathText(out), ToDisplayText(extension)));
+  if (!HasVideoName(out)) return CheckFolderName(out, "a video (.mp4, .m4v, .mov, .mkv, .avi)");
+  if (!fs::is_directory(fs::absolute(out).parent_path(), ignored)) FailToWrite(out);
 }
 
 // The output of `pliant track`: a video, or a folder of JPEG files frame_NNNNNN.jpg, depending on
@@ -210,10 +196,11 @@ void AddTrackCommand(CLI::App& program, ExitStatus& status) {
   app->add_option("REFERENCE", options->reference, "image of the object, nearly flat")->required();
   app->add_option("VIDEO|DIR", options->input, "video file, or folder of frames")->required();
   app->add_option("--region", options->region,
-                  "the object in REFERENCE: X,Y,W,H in its pixels (default: the whole image)")
+                  "the object in REFERENCE, in its pixels (default: the whole image)")
       ->delimiter(',')
       ->expected(4)
-      ->type_name("X,Y,W,H");
+      ->type_name("X,Y,W,H")
+      ->option_text("X,Y,W,H");
   app->add_option("--mask", options->mask, "image as large as REFERENCE, black outside the object")
       ->type_name("FILE");
   app->add_option(

@@ -106,7 +106,7 @@ void AddVocabCommand(CLI::App& program, ExitStatus& status) {
                    "descriptors drawn at random; 0 = 40000, or with --words ten per word, at least "
                    "10000")
       ->check(Between(0, static_cast<int>(kMaxVocabularySamples)));
-  train->add_option("--seed", options->train.seed, "same seed and images, same vocabulary");
+  AddSeedFlag(*train, options->train.seed, "same seed and images, same vocabulary");
   AddJobsFlag(*train, options->train.threads);
   train->add_flag("--use", options->use_at_once, "use the vocabulary when training ends");
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "index/cli/write_file.h"
 
+#include <cctype>
 #include <cerrno>
 #include <fstream>
 #include <iostream>
@@ -15,6 +16,7 @@
 #include "descriptor/base/error.h"
 #include "descriptor/base/replace_file.h"
 #include "index/cli/output.h"
+#include "index/files/text.h"
 
 namespace pliant::cli {
 namespace {
@@ -55,6 +57,19 @@ void CheckWritable(const std::filesystem::path& path) {
 void CheckOutput(const std::filesystem::path& path, std::string_view flag, bool json) {
   if (path == kStandardOutput) ClaimStandardOutput(flag, json);
   if (!path.empty()) CheckWritable(path);
+}
+
+void CheckFolderName(const std::filesystem::path& folder, std::string_view file) {
+  // "run.2" may be meant; "o.gif" is not.
+  const std::string extension = folder.extension().string();
+  const bool promises =
+      extension.size() > 1 && std::isalpha(static_cast<unsigned char>(extension[1])) != 0;
+  std::error_code ignored;
+  if (!promises || std::filesystem::is_directory(folder, ignored)) return;
+  throw Error(ErrorCode::kInvalidArgument, "bad_folder_name",
+              fmt::format("{}: cannot write {} files; give {} or a folder for images; end the name "
+                          "of such a folder with a slash",
+                          PathText(folder), ToDisplayText(extension), file));
 }
 
 void CheckNotInput(const std::filesystem::path& path,

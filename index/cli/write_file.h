@@ -26,6 +26,10 @@ void CheckWritable(const std::filesystem::path& path);
 // (ClaimStandardOutput).
 void CheckOutput(const std::filesystem::path& path, std::string_view flag, bool json);
 
+// Throws kInvalidArgument "bad_folder_name" for the name of a folder for images that promises a
+// file of a type that is not written (.gif). `file`: what else the option takes, for the message.
+void CheckFolderName(const std::filesystem::path& folder, std::string_view file);
+
 // Throws kInvalidArgument "same_file" if `path`, which is to be written, is one of the inputs
 // (files or folders), under any name. Call it before any work.
 void CheckNotInput(const std::filesystem::path& path,

@@ -56,6 +56,37 @@ std::vector<std::string> Names(const CLI::App& app, const std::string& word) {
   return names;
 }
 
+// `pliant db check` is three apps.
+std::vector<const CLI::App*> CommandOf(const CLI::App* program) {
+  std::vector<const CLI::App*> command = {program};
+  while (!command.back()->get_subcommands().empty()) {
+    command.push_back(command.back()->get_subcommands().front());
+  }
+  return command;
+}
+
+// "Could not convert: NAME = VALUE", as a sentence.
+std::string NotConverted(const CLI::App& app, const std::string& text) {
+  const std::size_t begin = text.find(": ") + 2;
+  const std::size_t equals = text.find(" = ", begin);
+  if (equals == std::string::npos) return text;
+  const std::string name = text.substr(begin, equals - begin);
+  const CLI::Option* option = app.get_option_no_throw(name);
+  if (option == nullptr) return text;
+  std::string wanted = option->get_type_name();  // of the project, such as X,Y,W,H
+  if (wanted.starts_with("INT") || wanted.starts_with("UINT")) wanted = "a whole number";
+  if (wanted.starts_with("FLOAT")) wanted = "a number";
+  if (wanted == "BOOL") wanted = "true or false";
+  return fmt::format("{}: must be {}, not {}", name, wanted, text.substr(equals + 3));
+}
+
+// "--max-ratio" for the field max_ratio, if it is an option of the command.
+std::string FlagOf(const CLI::App& app, std::string field) {
+  std::ranges::replace(field, '_', '-');
+  field.insert(0, "--");
+  return app.get_option_no_throw(field) == nullptr ? "" : field;
+}
+
 }  // namespace
 
 std::string DidYouMean(const std::string& word, const std::vector<std::string>& names) {
@@ -84,9 +115,15 @@ CLI::Validator AtLeast(double lowest) {
       fmt::format("{} or more", lowest));
 }
 
-CLI::Validator AboveZero() {
-  return NumberThat<double>([](double value) { return std::isfinite(value) && value > 0; },
-                            "more than 0");
+CLI::Validator Within(double lowest, double highest) {
+  return NumberThat<double>([=](double value) { return value >= lowest && value <= highest; },
+                            fmt::format("a number from {} to {}", lowest, highest));
+}
+
+CLI::Validator AboveZero(double highest) {
+  return NumberThat<double>(
+      [highest](double value) { return std::isfinite(value) && value > 0 && value <= highest; },
+      std::isfinite(highest) ? fmt::format("more than 0, and at most {}", highest) : "more than 0");
 }
 
 CLI::Validator OneOf(std::vector<std::string> words) {
@@ -103,17 +140,37 @@ CLI::Validator OneOf(std::vector<std::string> words) {
       "");
 }
 
+std::string HelpFormatter::make_option_name(const CLI::Option* option, bool is_positional) const {
+  const std::string name = Formatter::make_option_name(option, is_positional);
+  return name.substr(0, name.find('{'));  // of a flag --no-x, with what it means
+}
+
+std::string HelpFormatter::make_option_opts(const CLI::Option* option) const {
+  std::string text = Formatter::make_option_opts(option);
+  if (!option->get_option_text().empty()) return text;
+  const auto rename = [&text](std::string_view type, std::string_view name) {
+    if (text.starts_with(type)) text.replace(0, type.size(), name);
+  };
+  rename(" UINT", " N");
+  rename(" INT", " N");
+  rename(" FLOAT", " NUMBER");
+  if (option->get_positional()) rename(" TEXT", "");  // its name says what it is
+  return text;
+}
+
 std::string UsageError(const CLI::App* program, const CLI::Error& error) {
-  const CLI::App* app = program;  // then the innermost command: `pliant db check` is three apps
-  std::string path = app->get_name();
-  while (!app->get_subcommands().empty()) {
-    app = app->get_subcommands().front();
-    path += " " + app->get_name();
-  }
+  const std::vector<const CLI::App*> command = CommandOf(program);
+  const CLI::App* app = command.back();
+  std::string path;
+  for (const CLI::App* word : command) path += (path.empty() ? "" : " ") + word->get_name();
   std::string text = error.what();
   const std::vector<std::string> unknown = program->remaining(true);
   const auto code = static_cast<CLI::ExitCodes>(error.get_exit_code());
-  if (code == CLI::ExitCodes::ConfigError) {
+  if (code == CLI::ExitCodes::ConversionError) {
+    text = NotConverted(*app, text);
+  } else if (code == CLI::ExitCodes::ArgumentMismatch && text.ends_with(" missing")) {
+    text = text.substr(0, text.find(':')) + ": a value is missing";
+  } else if (code == CLI::ExitCodes::ConfigError) {
     std::string name = text.substr(text.rfind(' ') + 1);
     name = "--" + name.substr(0, name.rfind(".++"));  // of a table
     text += DidYouMean(name, Names(*app, name));
@@ -125,7 +182,7 @@ std::string UsageError(const CLI::App* program, const CLI::Error& error) {
   return text + "\nRun " + path + " --help for more information.\n";
 }
 
-std::string WithFlagNames(const Error& error) {
+std::string WithFlagNames(const Error& error, const CLI::App* program) {
   struct FlagName {
     std::string_view reason, field, flag;  // `reason`: of the errors that name the field
   };
@@ -140,7 +197,18 @@ std::string WithFlagNames(const Error& error) {
     if (error.reason() != name.reason || at == std::string::npos) continue;
     text.replace(at + 5, name.field.size(), name.flag);
   }
-  return text;
+  if (program == nullptr || error.code() != ErrorCode::kInvalidArgument) return text;
+  const CLI::App& app = *CommandOf(program).back();
+  // The text begins with the field, or else the reason does: "filter_invalid".
+  const std::size_t end =
+      std::min(text.find_first_not_of("abcdefghijklmnopqrstuvwxyz_"), text.size());
+  if (const std::string flag = FlagOf(app, text.substr(0, end));
+      !flag.empty() && text[end] != '.') {
+    return flag + text.substr(end);
+  }
+  const std::string& reason = error.reason();
+  const std::string flag = FlagOf(app, reason.substr(0, reason.rfind('_')));
+  return flag.empty() ? text : flag + ": " + text;
 }
 
 }  // namespace pliant::cli

@@ -4,6 +4,7 @@
 // number from 0 to 1024, not 4096"), and messages for wrong command lines.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,16 +21,26 @@ std::string UsageError(const CLI::App* program, const CLI::Error& error);
 // "; did you mean --top?", or empty if `word` resembles none of the names.
 std::string DidYouMean(const std::string& word, const std::vector<std::string>& names);
 
-// The text of a library's error with flags instead of the fields of EngineOptions.
-std::string WithFlagNames(const Error& error);
+// The text of a library's error with flags instead of the fields of EngineOptions. Also with the
+// flags of the command of `program` that was given: "min_score must be" becomes "--min-score must
+// be".
+std::string WithFlagNames(const Error& error, const CLI::App* program = nullptr);
 
 // A whole number from `lowest` to `highest`.
 CLI::Validator Between(long long lowest, long long highest);
-// A number of at least `lowest`; a number above zero.
+// A number of at least `lowest`; from `lowest` to `highest`; above zero, and at most `highest`.
 CLI::Validator AtLeast(double lowest);
-CLI::Validator AboveZero();
+CLI::Validator Within(double lowest, double highest);
+CLI::Validator AboveZero(double highest = std::numeric_limits<double>::infinity());
 // One of these words. The error suggests the most similar word.
 CLI::Validator OneOf(std::vector<std::string> words);
+
+// --help of both programs. To be set before commands are added, which inherit it.
+class HelpFormatter : public CLI::Formatter {
+ public:
+  std::string make_option_name(const CLI::Option* option, bool is_positional) const override;
+  std::string make_option_opts(const CLI::Option* option) const override;
+};
 
 template <typename Enum>
 using Choices = std::vector<std::pair<std::string, Enum>>;

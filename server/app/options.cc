@@ -7,7 +7,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <regex>
+#include <tuple>
 #include <variant>
 #include <vector>
 
@@ -251,8 +253,8 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   engine.extraction.decode.max_bytes = std::int64_t{options.max_body_mb} * std::int64_t{kMiB};
   engine.index_dir = options.index_dir;
   engine.share = ParsePart(options.part);
-  if (options.max_keypoints > 0) engine.max_keypoints = std::max(16, options.max_keypoints);
-  if (options.max_side_px > 0) engine.max_side_px = std::max(64, options.max_side_px);
+  if (options.max_keypoints > 0) engine.max_keypoints = options.max_keypoints;
+  if (options.max_side_px > 0) engine.max_side_px = options.max_side_px;
   return engine;
 }
 
@@ -347,6 +349,7 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
   }
   CLI::App app("Pliant's HTTP server: find the same object again, however it is bent.",
                "pliant-server");
+  app.formatter(std::make_shared<cli::HelpFormatter>());
   Define(app, parsed.options);
   try {
     app.parse(WithEnvironment(app, argc, argv));
@@ -362,6 +365,12 @@ ParsedCommandLine ParseCommandLine(int argc, const char* const* argv) {
 }
 
 void CheckOptions(const ServerOptions& options) {
+  for (const auto& [flag, value, least] : {std::tuple{"max-keypoints", options.max_keypoints, 16},
+                                           std::tuple{"max-side", options.max_side_px, 64}}) {
+    if (value == 0 || value >= least) continue;
+    Fail(flag,
+         "must be 0, or at least " + std::to_string(least) + ", not " + std::to_string(value));
+  }
   CheckDirectories(options);
   if (options.tls_cert.empty() != options.tls_key.empty()) {
     Fail(options.tls_cert.empty() ? "tls-cert" : "tls-key",

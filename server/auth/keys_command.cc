@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <functional>
+#include <memory>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -152,6 +153,7 @@ int RunKeysCommand(int argc, const char* const* argv) {
   options.engine.descriptor.clear();
   std::function<int()> command;
   CLI::App app("API keys of a database", "pliant-server keys");
+  app.formatter(std::make_shared<cli::HelpFormatter>());
   Define(app, options, command);
   try {
     app.parse(argc, argv);

@@ -13,6 +13,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
   const ProgramResult missing = RunProgram({"query", "nowhere.png", "--db", db_, "--json"});
@@ -143,6 +144,50 @@ TEST_F(CliTest, NoNameAPagePastTheEndAndARegionOutsideAreSaid) {
   EXPECT_THAT(with("--offset", "50").out, HasSubstr("--offset is beyond the last of 2 hits"));
   EXPECT_THAT(with("--region", "5000,0,10,10").err,
               HasSubstr("lies outside the query image of 160 x 120 pixels"));
+}
+
+TEST_F(CliTest, WrongValuesAreNamedByTheirFlags) {
+  WriteObjects(2);
+  ASSERT_EQ(Index().status, 0);
+  WriteBytes(folder_ / "q.png", OtherViewPng(1));
+  const std::string q = (folder_ / "q.png").string();
+  const auto says = [&](std::vector<std::string> arguments, bool database = true) {
+    if (database) arguments.insert(arguments.end(), {"--db", db_});
+    const ProgramResult result = RunProgram(arguments);
+    EXPECT_EQ(result.status, 2) << result.err;
+    EXPECT_EQ(result.err.find("q.png"), std::string::npos) << "it is not the photo's fault";
+    return result.err;
+  };
+  EXPECT_THAT(says({"query", q, "--min-score", "2"}), StartsWith("--min-score: must be"));
+  EXPECT_THAT(says({"query", q, "--top", "1.5"}), StartsWith("--top: must be a whole number"));
+  EXPECT_THAT(says({"query", q, "--filter", "{bad"}), StartsWith("pliant: --filter: must be"));
+  EXPECT_THAT(says({"query", q, "--filter", R"({"a": {"like": 1}})"}),
+              StartsWith("pliant: --filter: filter.a: unknown test"));
+  EXPECT_THAT(says({"query", q, "--region", "0,0,-1,9"}), StartsWith("pliant: --region must have"));
+  EXPECT_THAT(says({"query", q, "--unwarp", "flat.gif"}), HasSubstr("flat.gif: cannot write .gif"));
+  EXPECT_THAT(says({"index", objects_, "--collection", "a b"}),
+              StartsWith("pliant: --collection: A collection name must be"));
+  EXPECT_THAT(says({"selftest", "--false-alarms", "2"}), StartsWith("--false-alarms: must be"));
+  EXPECT_THAT(says({"selftest", "--seed", "-1"}), StartsWith("--seed: must be 0 or more"));
+  EXPECT_THAT(says({"vocab", "train", "--words", "90000"}), StartsWith("pliant: --words must be"));
+  EXPECT_THAT(says({"db", "originals", ""}), StartsWith("DIR|database: must not be empty"));
+  EXPECT_THAT(says({"db", "copy", "copy.db", "--compare", "-1"}), StartsWith("--compare: must be"));
+  EXPECT_THAT(says({"match", objects_, q, "--ratio", "2"}, false), StartsWith("--ratio: must be"));
+  EXPECT_THAT(says({"eval", "matching", objects_, "--tolerance", "0"}, false),
+              StartsWith("--tolerance: must be"));
+  EXPECT_THAT(says({"eval", "tracking", objects_, "--max-ratio", "2"}, false),
+              StartsWith("--max-ratio: must be"));
+  EXPECT_THAT(says({"simulate", "--textures", "procedural", "--out", "x", "--turn", "-1"}, false),
+              StartsWith("--turn: must be"));
+}
+
+TEST_F(CliTest, RemovingAnObjectThatDoesNotExist) {
+  WriteObjects(1);
+  ASSERT_EQ(Index().status, 0);
+  const ProgramResult removed = RunProgram({"db", "rm", "no-id", "--object", "nix", "--db", db_});
+  EXPECT_EQ(removed.status, 3);
+  EXPECT_THAT(removed.err, HasSubstr("skipped no-id: no image has this id"));
+  EXPECT_THAT(removed.err, HasSubstr("skipped nix: no object has this name"));
 }
 
 TEST_F(CliTest, StatisticsOfOneCollectionAndOfAll) {

@@ -112,6 +112,21 @@ TEST_F(QueryImagesTest, WithoutStoredImagesTheRowSaysSo) {
   EXPECT_GT(Load("out.png").width, 640);
 }
 
+TEST_F(QueryImagesTest, ALostImageIsNamedAndTheAnswerIsPrinted) {
+  Index({"--originals-dir", Path("originals")});
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_ / "originals")) {
+    if (entry.path().filename().string().size() == 64) std::filesystem::remove(entry.path());
+  }
+  for (const char* flag : {"--draw", "--unwarp"}) {
+    const ProgramResult result = Query({flag, Path("out.png")});
+    EXPECT_EQ(result.status, 3) << result.err;
+    EXPECT_EQ(result.json()["hits"][0]["object"], "o2");
+    EXPECT_THAT(result.err, HasSubstr("skipped the image of hit 1, o2: ")) << flag;
+    EXPECT_GT(Load("out.png").width, 640);
+    std::filesystem::remove(folder_ / "out.png");
+  }
+}
+
 TEST_F(QueryImagesTest, AnUnwritableFileIsSaidBeforeTheSearch) {
   for (const char* flag : {"--draw", "--unwarp"}) {
     const ProgramResult result = Query({flag, Path("absent/out.jpg")});  // and there is no database

@@ -130,7 +130,7 @@ TEST_F(MatchingBenchmark, WeightsAreNamedByLabelOrFile) {
   EXPECT_TRUE(ParseDescriptorChoice("sift+repeats").repeats);
   ExpectError(ErrorCode::kInvalidArgument, "unknown_descriptor",
               [] { ParseDescriptorChoice("surf"); });
-  ExpectError(ErrorCode::kInvalidArgument, "bad_descriptor",
+  ExpectError(ErrorCode::kInvalidArgument, "descriptor_invalid",
               [] { ParseDescriptorChoice("sift=w.safetensors"); });
   ExpectError(ErrorCode::kInvalidArgument, "descriptor_twice", [this] {
     RunMatchingBenchmark(OpenDataset(folder_.path()), Options({"sift", "sift"}));

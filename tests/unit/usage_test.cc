@@ -20,6 +20,7 @@ struct Program {
   Program() {
     app.require_subcommand(1);
     app.failure_message(UsageError);
+    app.formatter(std::make_shared<HelpFormatter>());
     CLI::App* eat = app.add_subcommand("eat", "Eat fruit, it's good");
     eat->add_option("FILE", file, "what")->required();
     AddChoice<Fruit>(*eat, "--fruit", fruit, "which",
@@ -29,6 +30,9 @@ struct Program {
     eat->add_option("--count,-n", count, ".how many")->check(Between(1, 9))->capture_default_str();
     eat->add_option("--share", share, "of it")->check(AboveZero());
     eat->add_option("--rest", share, "of it")->check(AtLeast(0.5));
+    eat->add_option("--most-of", share, "it")->check(Within(0.5, 1));
+    eat->add_option("--days", count, "ago");
+    eat->add_flag("--peel,!--no-peel", peel, "it");
     CLI::App* box = app.add_subcommand("box", "Boxes");
     box->require_subcommand(1);
     box->add_subcommand("open", "Open one")->add_option("--db", file, "where");
@@ -52,6 +56,7 @@ struct Program {
   std::vector<Fruit> salad;
   int count = 3;
   double share = 1;
+  bool peel = true;
 };
 
 TEST(Usage, ChoicesAreTaken) {
@@ -90,7 +95,11 @@ TEST(Usage, NumbersAreChecked) {
     EXPECT_THAT(Program().Say({"eat", "x", std::string("--count=") + count}),
                 HasSubstr("must be a whole number from 1 to 9, not " + std::string(count)));
   }
-  EXPECT_THAT(Program().Say({"eat", "x", "--count"}), HasSubstr("--count: 1 required"));
+  EXPECT_THAT(Program().Say({"eat", "x", "--count"}), HasSubstr("--count: a value is missing\n"));
+  EXPECT_THAT(Program().Say({"eat", "x", "--days", "1.5"}),
+              HasSubstr("--days: must be a whole number, not 1.5\n"));
+  EXPECT_THAT(Program().Say({"eat", "x", "--most-of", "2"}),
+              HasSubstr("--most-of: must be a number from 0.5 to 1, not 2\n"));
   for (const char* share : {"0", "-1", "inf", "nan", "much"}) {
     EXPECT_THAT(Program().Say({"eat", "x", "--share", share}),
                 HasSubstr("must be more than 0, not"));
@@ -98,6 +107,31 @@ TEST(Usage, NumbersAreChecked) {
   EXPECT_THAT(Program().Say({"eat", "x", "--rest", "0.4"}),
               HasSubstr("must be 0.5 or more, not 0.4"));
   EXPECT_EQ(Program().Say({"eat", "x", "--rest", "0.5"}), "");
+}
+
+TEST(Usage, HelpHasNoTypesOfTheProgram) {
+  Program program;
+  EXPECT_EQ(program.Say({"eat", "x"}), "");
+  const std::string help = program.app.get_subcommands().front()->help();
+  EXPECT_THAT(help, HasSubstr("FILE REQUIRED "));
+  EXPECT_THAT(help, HasSubstr("--days N "));
+  EXPECT_THAT(help, HasSubstr("--share NUMBER "));
+  EXPECT_THAT(help, HasSubstr("--peel,--no-peel "));
+}
+
+TEST(Usage, ErrorsOfTheLibraryNameTheFlag) {
+  Program program;
+  EXPECT_EQ(program.Say({"eat", "x"}), "");
+  const auto named = [&](const char* reason, const char* message,
+                         ErrorCode code = ErrorCode::kInvalidArgument) {
+    return WithFlagNames(Error(code, reason, message), &program.app);
+  };
+  EXPECT_EQ(named("bad_share", "most_of must be more"), "--most-of must be more");
+  EXPECT_EQ(named("count_invalid", "count: must be less"), "--count: must be less");
+  EXPECT_EQ(named("count_invalid", "count.x is wrong"), "--count: count.x is wrong");
+  EXPECT_EQ(named("fruit_invalid", "a fruit has no wheels"), "--fruit: a fruit has no wheels");
+  EXPECT_EQ(named("wheels_invalid", "wheels are missing"), "wheels are missing");
+  EXPECT_EQ(named("count_invalid", "count is high", ErrorCode::kCorrupt), "count is high");
 }
 
 TEST(Usage, TheClosestNameIsNotAnyName) {
