@@ -84,13 +84,13 @@ export function affine(from, to) {
   return Number.isFinite(a) ? [a, b, c, d, e, f] : null;
 }
 
-// Moves the corners outwards by about `px`, so that no seam shows between neighbours.
-function grown(triangle, px) {
-  const [mx, my] = [0, 1].map((i) => (triangle[0][i] + triangle[1][i] + triangle[2][i]) / 3);
-  return triangle.map(([x, y]) => {
-    const factor = 1 + px / (Math.hypot(x - mx, y - my) || 1);
-    return [mx + (x - mx) * factor, my + (y - my) * factor];
-  });
+// Moves the sides outwards by `px`: scales the triangle about the centre of its incircle, whose radius grows by that.
+function grown([a, b, c], px) {
+  const [ofA, ofB, ofC] = [[b, c], [c, a], [a, b]].map(([p, q]) => Math.hypot(p[0] - q[0], p[1] - q[1]));
+  const around = ofA + ofB + ofC;
+  const [mx, my] = [0, 1].map((i) => (ofA * a[i] + ofB * b[i] + ofC * c[i]) / around);
+  const radius = Math.abs((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / around;
+  return [a, b, c].map(([x, y]) => [mx + ((x - mx) * (radius + px)) / radius, my + ((y - my) * (radius + px)) / radius]);
 }
 
 // The triangles whose corners are all trusted: { reference, query }, three points each, in pixels.
@@ -117,6 +117,8 @@ export function triangles({ columns, rows, points, trusted, reference_width: wid
 
 // Draws into `context`, whose canvas shows the reference at `scale` canvas pixels per reference pixel. `bitmap`: the
 // photo at any size; queryWidth: its width in the mesh. Pixel centres are at integers in the mesh, at halves on the canvas.
+// Clipped edges are translucent. So each triangle grows by half a pixel's diagonal and some: it then covers all of the
+// pixels whose centres it holds, and no ground shines through.
 export function drawFlattened(context, bitmap, queryWidth, mesh, scale) {
   const shrink = bitmap.width / queryWidth;
   for (const { reference, query } of triangles(mesh)) {
@@ -124,10 +126,12 @@ export function drawFlattened(context, bitmap, queryWidth, mesh, scale) {
     const from = query.map(([x, y]) => [(x + 0.5) * shrink, (y + 0.5) * shrink]);
     const map = affine(from, to);
     if (!map) continue;
+    const clip = grown(to, 0.75);
+    const back = new DOMMatrix(map).inverse();
     context.save();
-    context.clip(pathOf(grown(to, 0.75)));
+    context.clip(pathOf(clip));
     context.transform(...map);
-    drawPart(context, bitmap, from);
+    drawPart(context, bitmap, clip.map(([x, y]) => back.transformPoint({ x, y })).map(({ x, y }) => [x, y]));
     context.restore();
   }
 }

@@ -81,6 +81,27 @@ test("flattening puts every pixel where the mesh says", async () => {
   await house.closePage(page);
 });
 
+test("no ground shines through between the triangles, also of a photo that is larger than the canvas", async () => {
+  const page = await house.openPage(server.address);
+  for (const side of [256, 2048]) {
+    const seams = await page.evaluate(async (side) => {
+      const { drawFlattened } = await import("/assets/compare.js");
+      const query = new OffscreenCanvas(side, side);
+      query.getContext("2d").fillRect(0, 0, side, side);
+      const mesh = { columns: 21, rows: 11, reference_width: 201, reference_height: 201, points: [] };
+      for (let r = 0; r < 11; ++r) for (let c = 0; c < 21; ++c) mesh.points.push([20 + 10 * c + r, 20 + 19 * r + c]);
+      const flat = document.createElement("canvas");  // those off the screen have sharp edges
+      flat.width = flat.height = 321;
+      const context = flat.getContext("2d");
+      drawFlattened(context, query, 256, mesh, 1.6);
+      const { data } = context.getImageData(1, 1, 318, 318);
+      return data.filter((value, i) => i % 4 === 3 && value < 255).length;
+    }, side);
+    assert.equal(seams, 0, `${side}`);
+  }
+  await house.closePage(page);
+});
+
 test("a convex hull holds every point and only points that were given", () => withModules(async (call) => {
   const points = Array.from({ length: 40 }, (_, i) => [(i * 37) % 101, (i * i * 13) % 89]);
   const hull = (await call("compare.js", "convexHull", points)).value;
