@@ -73,6 +73,11 @@ void ReportError(const Error& error, const CLI::App& program, bool json) {
   std::string message = ToDisplayText(WithFlagNames(error, &program));
   if (error.reason() == "database_not_found")
     message += "; `pliant index DIR --db FILE` creates one";
+  if (error.reason() == "no_vocabulary") {
+    message +=
+        ": `pliant index` makes one when it has added its images, and `pliant vocab train` "
+        "at any time";
+  }
   Message("pliant: {}", message);
   if (!json) return;
   PrintJson({{"error", {{"code", error.reason()}, {"message", message}}}});

@@ -27,11 +27,8 @@ namespace {
 
 void CheckVocabulary(const CollectionView& view, const SearchOptions& options) {
   if (view.has_vocabulary()) return;
-  throw Error(
-      ErrorCode::kConflict, "no_vocabulary",
-      "collection \"" + options.collection +
-          "\" has no vocabulary yet: `pliant index` makes one when it has added its images, and "
-          "`pliant vocab train` at any time");
+  throw Error(ErrorCode::kConflict, "no_vocabulary",
+              "collection \"" + options.collection + "\" has no vocabulary yet");
 }
 
 void CheckQuery(const Features& features, const std::optional<Region>& region) {

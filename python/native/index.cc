@@ -296,7 +296,15 @@ std::string Answer(const OpenIndex& index, const py::dict& given, Ask ask) {
   const SearchOptions options = ToOptions(given, index.collection());
   return index.Call([&](Engine& engine, const std::string&) {
     const auto start = std::chrono::steady_clock::now();
-    const SearchResult result = ask(engine, options);
+    const SearchResult result = [&] {
+      try {
+        return ask(engine, options);
+      } catch (const Error& error) {
+        if (error.reason() != "no_vocabulary") throw;
+        throw Error(error.code(), error.reason(),
+                    error.what() + std::string(": add images, then call train()"));
+      }
+    }();
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
     return ToText(SearchResultJson(result, took.count()));
   });

@@ -248,7 +248,7 @@ def _search_options(top: int, given: dict[str, Any]) -> dict[str, Any]:
                              "min_score": 0.0, "object": None, "filter": None, "explain": False, "threads": 0}
     for name in given:
         if name not in known:
-            raise TypeError(f"search has no option {name!r}; options are {', '.join(known)}")
+            raise TypeError(f"search has no option {name!r}; options are {', '.join(['top', *known])}")
     options: dict[str, Any] = {**known, **given, "top": _checks.whole("top", top)}
     for name, most in (("offset", 2**31 - 1), ("verify_depth", 2**31 - 1), ("instances", 1000), ("threads", 1024)):
         options[name] = _checks.whole(name, options[name], 0, most)

@@ -51,7 +51,8 @@ def simulate(textures: str | os.PathLike[str], out: str | os.PathLike[str], *,
         elif name == "colour":
             given[name] = bool(value)
         else:
-            raise TypeError(f"simulate has no option {name!r}")
+            known = sorted({"colour", "progress", *_WHOLE, *_REAL, *_TEXT})
+            raise TypeError(f"simulate has no option {name!r}; options are {', '.join(known)}")
     report = _native.simulate(given, progress)
     report["skipped"] = [(_checks.shown(file), _checks.shown(reason)) for file, reason in report["skipped"]]
     return SimulationReport(**report)

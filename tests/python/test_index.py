@@ -36,7 +36,7 @@ class Life(IndexCase):
     def test_round_trip(self):
         with self.open() as index:
             self.assertEqual((len(index), list(index), index.vocabularies()), (0, [], []))
-            with self.fails(pliant.ConflictError, "no_vocabulary"):
+            with self.fails(pliant.ConflictError, "no_vocabulary", "has no vocabulary yet: add images, then call train()"):
                 index.search(pattern(0))
             with self.fails(pliant.ConflictError, "no_images"):
                 index.train()
@@ -202,6 +202,8 @@ class Searches(IndexCase):
                               ({"object": 5}, TypeError)):
             with self.subTest(options=options), self.fails(kind):
                 index.search(view, **options)
+        with self.fails(TypeError, words="options are top, offset,"):
+            index.search(view, limit=3)
         with self.fails(pliant.NotFoundError):
             index.search_stored("nothing")
         with self.fails(pliant.UnprocessableError, "too_few_features"):
