@@ -3,6 +3,7 @@
 #include "server/app/run_server.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include <exception>
 #include <functional>
 #include <future>
+#include <memory>
 #include <thread>
 
 #include <pthread.h>
@@ -160,17 +162,27 @@ void RunUnlessStopped(const sigset_t& signals, const std::function<void()>& work
   done.get();
 }
 
+// The exit status once all requests are answered or cut off; until then negative.
+using DrainedStatus = std::atomic<int>;
+
 // Ends the process at a second signal, or when requests or saving the index outlast the deadline.
-void StartWatchdog(const sigset_t& signals, Seconds patience) {
+void StartWatchdog(const sigset_t& signals, Seconds patience,
+                   const std::shared_ptr<const DrainedStatus>& drained) {
   // Static objects may be gone when it wakes, so it holds the log.
-  std::thread watchdog([signals, patience, log = spdlog::default_logger()] {
-    if (StopSignalWithin(signals, patience)) {
-      log->warn("second signal: the server stops immediately");
+  std::thread watchdog([signals, patience, drained, log = spdlog::default_logger()] {
+    const bool again = StopSignalWithin(signals, patience);
+    const int status = *drained;
+    if (status >= 0) {  // a job goes on after the next start
+      log->warn(
+          "{}: the server stops before the index is saved in files. Nothing is lost, but the next "
+          "start takes longer: it reads what is not saved from the database",
+          again ? "second signal" : "saving the index takes too long");
     } else {
-      log->warn("requests, or saving the index, take too long: the server stops immediately");
+      log->warn("{}: the server stops immediately",
+                again ? "second signal" : "requests take too long");
     }
     log->flush();
-    std::_Exit(1);
+    std::_Exit(status >= 0 ? status : 1);
   });
   watchdog.detach();
 }
@@ -179,15 +191,18 @@ int StopServing(HttpServer& http, Service& service, const ServerOptions& options
                 const sigset_t& signals) {
   const Seconds deadline(options.shutdown_timeout_s);
   spdlog::info("stopping: running requests have {} s to finish", options.shutdown_timeout_s);
-  StartWatchdog(signals, deadline + kGraceAfterDeadline);
+  const auto drained = std::make_shared<DrainedStatus>(-1);
+  StartWatchdog(signals, deadline + kGraceAfterDeadline, drained);
   service.fetcher.Stop();
   const std::size_t cut_off = http.Drain(deadline);
+  const int status = cut_off > 0 ? 1 : 0;
+  *drained = status;
   if (cut_off > 0) {
     spdlog::warn("stopped: {} requests were cut off", cut_off);
-    return 1;
+  } else {
+    spdlog::info("stopped");
   }
-  spdlog::info("stopped");
-  return 0;
+  return status;
 }
 
 }  // namespace

@@ -5,13 +5,16 @@
 #include <atomic>
 #include <barrier>
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
 #include <mutex>
 #include <random>
 #include <thread>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -225,6 +228,36 @@ TEST_F(ServerLoadTest, ShutdownDeadlineCutsOffAndSaysSo) {
   EXPECT_EQ(server.Stop(), 1);
   EXPECT_THAT(server.Log(), ::testing::HasSubstr("1 requests were cut off"));
   close(slow);
+}
+
+// As if the disk were slow: another process holds the lock of the files.
+TEST_F(ServerLoadTest, AnIndexThatIsNotSavedInTimeIsNoFailure) {
+  if (std::getenv("PLIANT_TEST_DATABASE") != nullptr) GTEST_SKIP() << "it needs --index-dir";
+  for (std::uint64_t i = 0; i < 256; ++i) {
+    WriteText(database().parent_path() / ("set/" + std::to_string(i) + ".png"),
+              TestImage(i, 0, 120, 90));
+  }
+  const std::string set = (database().parent_path() / "set").string();
+  ASSERT_EQ(RunProgram({"index", set, "--db", database().string(), "--descriptor", "rootsift",
+                        "--max-keypoints", "32", "--no-originals"})
+                .status,
+            0);
+  const std::string files = database().string() + ".index";
+  std::filesystem::remove_all(files);
+  std::filesystem::create_directory(files);
+  const int folder = ::open(files.c_str(), O_RDONLY | O_DIRECTORY);
+  ASSERT_EQ(::flock(folder, LOCK_EX), 0);
+  {
+    ServerProcess server(database(), {"--shutdown-timeout", "0"});
+    EXPECT_EQ(server.Stop(), 0) << server.Log();
+    EXPECT_THAT(server.Log(), ::testing::HasSubstr("before the index is saved"));
+  }
+  close(folder);
+  EXPECT_TRUE(std::filesystem::is_empty(files));
+  ServerProcess again(database());
+  EXPECT_EQ(again.Stop(), 0) << again.Log();
+  EXPECT_FALSE(std::filesystem::is_empty(files));
+  EXPECT_THAT(again.Log(), ::testing::Not(::testing::HasSubstr("before the index is saved")));
 }
 
 // Ctrl-Z, a debugger or a suspended machine interrupt what waits for signals.
