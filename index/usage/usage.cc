@@ -170,6 +170,8 @@ std::string UsageError(const CLI::App* program, const CLI::Error& error) {
     text = NotConverted(*app, text);
   } else if (code == CLI::ExitCodes::ArgumentMismatch && text.ends_with(" missing")) {
     text = text.substr(0, text.find(':')) + ": a value is missing";
+  } else if (const std::size_t at = text.find(": At Most 1 required"); at != std::string::npos) {
+    text = text.substr(0, at) + ": can be given only once";
   } else if (code == CLI::ExitCodes::ConfigError) {
     std::string name = text.substr(text.rfind(' ') + 1);
     name = "--" + name.substr(0, name.rfind(".++"));  // of a table

@@ -96,6 +96,8 @@ TEST(Usage, NumbersAreChecked) {
                 HasSubstr("must be a whole number from 1 to 9, not " + std::string(count)));
   }
   EXPECT_THAT(Program().Say({"eat", "x", "--count"}), HasSubstr("--count: a value is missing\n"));
+  EXPECT_THAT(Program().Say({"eat", "x", "--count", "2", "--count", "3"}),
+              HasSubstr("--count: can be given only once\n"));
   EXPECT_THAT(Program().Say({"eat", "x", "--days", "1.5"}),
               HasSubstr("--days: must be a whole number, not 1.5\n"));
   EXPECT_THAT(Program().Say({"eat", "x", "--most-of", "2"}),
