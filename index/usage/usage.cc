@@ -175,6 +175,11 @@ std::string UsageError(const CLI::App* program, const CLI::Error& error) {
   } else if (code == CLI::ExitCodes::ConfigError) {
     std::string name = text.substr(text.rfind(' ') + 1);
     name = "--" + name.substr(0, name.rfind(".++"));  // of a table
+    constexpr std::string_view kUnknown = "INI was not able to parse ";
+    if (text.starts_with(kUnknown)) {
+      text.replace(0, kUnknown.size(), "the configuration file has an unknown setting: ");
+    }
+    std::ranges::replace_if(text, [](unsigned char c) { return c < ' ' || c > '~'; }, '?');
     text += DidYouMean(name, Names(*app, name));
   } else if (!unknown.empty() &&
              (code == CLI::ExitCodes::ExtrasError || code == CLI::ExitCodes::RequiredError)) {

@@ -166,7 +166,8 @@ TEST(Usage, SettingsOfAFileThatAreNoneAreNamed) {
   EXPECT_EQ(said("listen = \"here\""), "");
   EXPECT_THAT(said("lisen = \"here\""), HasSubstr("lisen; did you mean --listen?"));
   EXPECT_THAT(said("[other]\nlisten = \"here\""), HasSubstr("other"));
-  EXPECT_THAT(said("listen here"), HasSubstr("listen here"));
+  EXPECT_THAT(said("listen here"), HasSubstr("unknown setting: listen here"));
+  EXPECT_THAT(said("\xff = 1"), HasSubstr("unknown setting: ?"));
 }
 
 }  // namespace
