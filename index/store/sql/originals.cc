@@ -255,7 +255,7 @@ void Originals::TakeOver(Connection& db, const std::string& was) {
                     " does not have the originals of " + std::to_string(CountOriginalFiles(db)) +
                     " images; mount it, move the files there, or name the directory that has them "
                     "with originals_dir (it was " +
-                    was + ")");
+                    was + "). If they are lost, `pliant db copy` makes a database without them");
   }
   if (store_->Owner() != self_) store_->Claim(self_);
   owned_ = true;
