@@ -179,28 +179,23 @@ stop_servers() {  # SIGNAL [NAME...] : these or all; and SIGKILL for what ignore
 
 # -- the parts of the index
 
+servers_of() { local name; for name in $(servers); do if [[ $(part "$name") =~ ^$1$ ]]; then echo "$name"; fi; done; }  # PATTERN: 1/2, or .*/2
+
 write_peers() {  # PARTS : the servers of this layout, under the name that all servers read; a key there stays
-  local part name addresses
+  local part
   { sed '/^\[parts\]/,$d' "$home/peers.toml" 2>/dev/null || true
     echo '[parts]'
     for part in $(seq "$1"); do
-      addresses=
-      for name in $(servers); do
-        if [ "$(part "$name")" = "$part/$1" ]; then addresses+="${addresses:+, }\"http://127.0.0.1:$(port "$name")\""; fi
-      done
-      echo "$part = [$addresses]"
+      echo "$part = [$(for name in $(servers_of "$part/$1"); do echo "\"http://127.0.0.1:$(port "$name")\""; done | paste -sd,)]"
     done
   } >"$home/peers.toml.new"
   mv "$home/peers.toml.new" "$home/peers.toml"
 }
 
 prepare_parts() {  # PARTS COPIES : the folders of servers that are missing; the new ones hold parts of the new layout
-  local part copy name held last
+  local part last name
   for part in $(seq "$1"); do
-    for copy in $(seq "$2"); do
-      held=0
-      for name in $(servers); do if [ "$(part "$name")" = "$part/$1" ]; then held=$((held + 1)); fi; done
-      [ "$held" -lt "$copy" ] || continue
+    while [ "$(servers_of "$part/$1" | wc -l)" -lt "$2" ]; do
       last=$(servers | tail -n 1)
       name=server$((${last#server} + 1))
       prepare "$name"
@@ -210,13 +205,11 @@ prepare_parts() {  # PARTS COPIES : the folders of servers that are missing; the
 }
 
 retire_others() {  # PARTS : ends the servers that are not of this layout
-  local name others=()
-  for name in $(servers); do
-    case $(part "$name") in */"$1") ;; *) others+=("$name") ;; esac
+  local name
+  for name in $(servers | grep -vxF "$(servers_of ".*/$1")"); do
+    stop_servers TERM "$name"
+    rm -rf "${home:?}/$name"
   done
-  [ "${#others[@]}" -gt 0 ] || return 0
-  stop_servers TERM "${others[@]}"
-  for name in "${others[@]}"; do rm -rf "${home:?}/$name"; done
 }
 
 stop_db() {  # NODE MODE

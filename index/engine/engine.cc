@@ -107,9 +107,14 @@ Ranking EngineCore::Rank(const CollectionView& view, const RankQuery& query,
 
 Ranking EngineCore::RankParts(const CollectionView& view, const RankQuery& query,
                               const RankOptions& options) {
-  const DatabaseState state{database_, ranker_->followed()};
+  const auto rank = [&, followed = ranker_->followed()](const CollectionView& in,
+                                                        const RankQuery& in_words) {
+    return RankInParts(options_.part_servers,
+                       {database_, followed, in.name, in.collection, in.vocabulary}, in_words,
+                       options);
+  };
   try {
-    return RankInParts(options_.part_servers, state, view, query, options);
+    return rank(view, query);
   } catch (const Error& error) {
     // Another part may still load the vocabulary that was switched to.
     const auto previous = ranker_->Previous(view.name);
@@ -117,10 +122,8 @@ Ranking EngineCore::RankParts(const CollectionView& view, const RankQuery& query
         query.method == RankMethod::kHistogram) {
       throw;
     }
-    return RankInParts(
-        options_.part_servers, state, *previous,
-        NeighboursOf(query.descriptors, query.weights, *previous->quantizer, options.threads),
-        options);
+    return rank(*previous, NeighboursOf(query.descriptors, query.weights, *previous->quantizer,
+                                        options.threads));
   }
 }
 
@@ -215,14 +218,12 @@ Engine::Engine(EngineOptions options) : core_(std::make_unique<EngineCore>(std::
 
 Engine::~Engine() = default;
 
-std::string Engine::RankPart(const IndexShare& share, const std::string& token,
-                             const std::string& message, int threads,
+std::string Engine::RankPart(const IndexShare& share, const std::string& message, int threads,
                              std::chrono::steady_clock::time_point until) {
   if (share != core_->options().share) {
     throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not hold this part.");
   }
-  return core_->part_answers().Answer(core_->ranker(), core_->database(), token, message, threads,
-                                      until);
+  return core_->part_answers().Answer(core_->ranker(), core_->database(), message, threads, until);
 }
 
 std::int64_t Engine::followed() { return core_->ranker().followed(); }

@@ -215,12 +215,10 @@ class Engine {
   // image.
   Comparison Compare(Bytes first, Bytes second, int threads);
 
-  // Answers another process's search for the part of the index that this one holds (`token`,
-  // `message` and the answer: index_parts.h), or gives up at `until` (kUnavailable "busy"). Throws
-  // kNotFound "part_elsewhere" if it is not here, kConflict "part_changed", kInvalidArgument
-  // "peer_message_invalid".
-  std::string RankPart(const IndexShare& share, const std::string& token,
-                       const std::string& message, int threads,
+  // Answers another process's search for the part of the index that this one holds (messages:
+  // index_parts.h), or gives up at `until` (kUnavailable "busy"). Throws kNotFound "part_elsewhere"
+  // if it is not here, kConflict "part_changed", kInvalidArgument "peer_message_invalid".
+  std::string RankPart(const IndexShare& share, const std::string& message, int threads,
                        std::chrono::steady_clock::time_point until);
   // The state of the database that the index of this process has reached.
   std::int64_t followed();

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <numeric>
+#include <string_view>
 #include <type_traits>
 #include <utility>
-
-#include <nlohmann/json.hpp>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/hex.h"
@@ -21,385 +21,314 @@ static_assert(std::endian::native == std::endian::little);
 
 namespace {
 
-using Json = nlohmann::json;
 using Clock = PartServers::Clock;
 
-constexpr int kVersion = 1;
+constexpr std::uint32_t kVersion = 2;  // of the messages
 // Votes that are kept for a second step: the oldest go first.
 constexpr std::size_t kMostKeptBytes = std::size_t{1} << 30U;
 constexpr std::chrono::seconds kKeptFor{30};
 // Attempts of a ranking while the parts change.
 constexpr int kMostAttempts = 4;
 
-template <typename T>
-Json Binary(const std::vector<T>& values) {
-  static_assert(std::is_trivially_copyable_v<T>);
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(values.data());
-  return Json::binary(std::vector<std::uint8_t>(bytes, bytes + values.size() * sizeof(T)));
-}
-
-[[noreturn]] void ThrowInvalid(const std::string& what) {
+void Require(bool valid, const char* what) {
+  if (valid) return;
   throw Error(ErrorCode::kInvalidArgument, "peer_message_invalid",
-              "The message of the other server is invalid: " + what +
+              std::string("The message of the other server is invalid: ") + what +
                   ". All servers must run the same version.");
 }
 
-template <typename T>
-std::vector<T> ListIn(const Json& message, const char* name) {
-  const auto& bytes = message.at(name).get_binary();
-  if (bytes.size() % sizeof(T) != 0) ThrowInvalid(name);
-  std::vector<T> values(bytes.size() / sizeof(T));
-  if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
-  return values;
-}
-
-// The library reads nested values by recursion: a hostile message must not nest them deep.
-class ShallowParser : public nlohmann::detail::json_sax_dom_parser<Json> {
-  using Base = nlohmann::detail::json_sax_dom_parser<Json>;
-
+// Writes values one after the other, or reads them, so that one list of fields does both.
+class Archive {
  public:
-  explicit ShallowParser(Json* json) : Base(*json, /*allow_exceptions=*/false) {}
-  bool start_object(std::size_t size) { return IsShallow() && Base::start_object(size); }
-  bool start_array(std::size_t size) { return IsShallow() && Base::start_array(size); }
-  bool end_object() { return --depth_ >= 0 && Base::end_object(); }
-  bool end_array() { return --depth_ >= 0 && Base::end_array(); }
+  Archive() { (*this)(version_); }
+  explicit Archive(std::string_view message) : reads_(true), left_(message) {
+    (*this)(version_);
+    Require(version_ == kVersion, "its version");
+  }
+  std::string Text() && { return std::move(text_); }
+
+  template <typename... Values>
+  void operator()(Values&... values) {
+    (Do(values), ...);
+  }
 
  private:
-  bool IsShallow() { return ++depth_ <= 3; }
-  int depth_ = 0;
+  void Do(void* bytes, std::size_t size) {
+    if (!reads_) {
+      text_.append(static_cast<const char*>(bytes), size);
+    } else if (size > 0) {
+      Require(size <= left_.size(), "it is too short");
+      std::memcpy(bytes, left_.data(), size);
+      left_.remove_prefix(size);
+    }
+  }
+
+  template <typename T>
+    requires std::is_arithmetic_v<T> || std::is_enum_v<T>
+  void Do(T& value) {
+    Do(&value, sizeof(T));
+  }
+  void Do(bool& value) {
+    char byte = value ? 1 : 0;
+    Do(byte);
+    value = byte != 0;
+  }
+  void Do(RankedImage& image) {
+    (*this)(image.ref.version, image.object, image.score, image.ref.id);
+    Require(!std::isnan(image.score), "a score");  // it has no place in an order
+  }
+  // Lists, and texts.
+  template <typename List>
+    requires requires(List list) { list.resize(0); }
+  void Do(List& list) {
+    using Value = typename List::value_type;
+    std::size_t size = list.size();
+    Do(size);
+    if constexpr (std::is_trivially_copyable_v<Value>) {
+      Require(!reads_ || size <= left_.size() / sizeof(Value), "it is too short");
+      list.resize(size);
+      Do(list.data(), size * sizeof(Value));
+    } else {
+      for (std::size_t i = 0; i < size; ++i) Do(reads_ ? list.emplace_back() : list[i]);
+    }
+  }
+  // Ascending: as differences, with 7 bits in a byte.
+  void Do(std::vector<Key>& keys) {
+    std::size_t size = keys.size();
+    Do(size);
+    std::uint64_t before = 0;
+    for (std::size_t i = 0; i < size; ++i) {
+      Key& key = reads_ ? keys.emplace_back() : keys[i];
+      std::uint64_t rest = static_cast<std::uint64_t>(key) - before;
+      std::uint8_t byte = 0x80;
+      for (unsigned shift = 0; byte >= 0x80 && shift < 64; shift += 7, rest >>= 7U) {
+        byte = static_cast<std::uint8_t>(rest < 0x80 ? rest : rest | 0x80U);
+        Do(byte);
+        before += std::uint64_t{byte & 0x7FU} << shift;
+      }
+      key = static_cast<Key>(before);
+    }
+  }
+
+  std::uint32_t version_ = kVersion;
+  bool reads_ = false;
+  std::string_view left_;  // to read
+  std::string text_;       // written
 };
 
-// Ascending numbers, as their differences: MessagePack writes small ones in a byte.
-Json Ascending(const std::vector<std::int64_t>& numbers) {
-  Json differences = Json::array();
-  std::int64_t before = 0;
-  for (const std::int64_t number : numbers)
-    differences.push_back(number - std::exchange(before, number));
-  return differences;
+// What a search asks a server for.
+struct Question {
+  std::string token;
+  std::string query;  // a Query; empty if the server keeps its votes
+  // Of the second step.
+  std::vector<std::string> digests = {};  // of the answers of the first step
+  std::vector<std::uint32_t> voted = {};  // by all parts
+  std::size_t candidates = 0;
+};
+void Fields(Archive& archive, Question& question) {
+  archive(question.token, question.query, question.digests, question.voted, question.candidates);
 }
 
-std::vector<std::int64_t> AscendingIn(const Json& message, const char* name) {
-  auto numbers = message.at(name).get<std::vector<std::int64_t>>();
-  std::partial_sum(numbers.begin(), numbers.end(), numbers.begin());
-  return numbers;
+struct Query {
+  PartState state;
+  RankQuery rank;
+  RankOptions options;
+};
+void Fields(Archive& archive, Query& query) {
+  auto& [state, rank, options] = query;
+  archive(state.database, state.followed, state.name, state.collection, state.vocabulary);
+  archive(rank.method, rank.descriptors.kind, rank.descriptors.dim, rank.descriptors.rows,
+          rank.descriptors.floats, rank.descriptors.bytes, rank.weights, rank.words, rank.bow.words,
+          rank.bow.total);
+  Admission& admission = options.admission;
+  archive(options.group_by, options.keep, options.min_score, admission.nothing,
+          admission.without_versions);
+  Key object = admission.object_key.value_or(-1);  // -1: any
+  bool has_versions = admission.versions != nullptr;
+  std::vector<Key> versions = has_versions ? *admission.versions : std::vector<Key>();
+  archive(object, has_versions, versions);
+  if (object != -1) admission.object_key = object;
+  if (has_versions) {
+    admission.versions = std::make_shared<const std::vector<Key>>(std::move(versions));
+  }
 }
 
-Json Parsed(const std::string& message) {
-  Json json;
-  ShallowParser parser(&json);
-  const bool read = Json::sax_parse(message, &parser, Json::input_format_t::msgpack);
-  if (!read || !json.is_object() || json.value("version", 0) != kVersion) ThrowInvalid("its form");
-  return json;
+// The answer of the first step.
+struct Counts {
+  std::vector<std::uint32_t> voted;
+  std::size_t images = 0;
+};
+void Fields(Archive& archive, Counts& counts) { archive(counts.voted, counts.images); }
+
+void Fields(Archive& archive, PartRanking& ranking) {
+  archive(ranking.candidates, ranking.best, ranking.objects, ranking.alone);
 }
 
-std::string Written(const Json& json) {
-  std::string text;
-  Json::to_msgpack(json, nlohmann::detail::output_adapter<char>(text));
-  return text;
+template <typename T>
+std::string Written(T value) {
+  Archive archive;
+  Fields(archive, value);
+  return std::move(archive).Text();
 }
 
-Json QueryJson(const DatabaseState& state, const CollectionView& view, const RankQuery& query,
-               const RankOptions& options) {
-  Json json = {{"version", kVersion},
-               {"database", state.database},
-               {"name", view.name},
-               {"collection", view.collection},
-               {"vocabulary", view.vocabulary},
-               {"followed", state.followed},
-               {"histogram", query.method == RankMethod::kHistogram},
-               {"binary", query.descriptors.kind == DescriptorKind::kBinary},
-               {"dim", query.descriptors.dim},
-               {"rows", query.descriptors.rows},
-               {"floats", Binary(query.descriptors.floats)},
-               {"bytes", Binary(query.descriptors.bytes)},
-               {"weights", Binary(query.weights)},
-               {"near", Binary(query.words)},
-               {"bow", Binary(query.bow.words)},
-               {"total", query.bow.total},
-               {"by_object", options.group_by == GroupBy::kObject},
-               {"keep", options.keep},
-               {"min_score", options.min_score},
-               {"nothing", options.admission.nothing},
-               {"without", Ascending(options.admission.without_versions)}};
-  if (options.admission.object_key) json["object"] = *options.admission.object_key;
-  if (options.admission.versions) json["versions"] = Ascending(*options.admission.versions);
-  return json;
+template <typename T>
+T ReadAs(std::string_view message) {
+  Archive archive(message);
+  T value{};
+  Fields(archive, value);
+  return value;
 }
 
-void ReadQuery(const Json& json, const Quantizer& quantizer, RankQuery* query,
-               RankOptions* options) {
-  Descriptors& d = query->descriptors;
-  query->method =
-      json.at("histogram").get<bool>() ? RankMethod::kHistogram : RankMethod::kNeighbours;
-  d.kind = json.at("binary").get<bool>() ? DescriptorKind::kBinary : DescriptorKind::kFloat;
-  d.dim = json.at("dim");
-  d.rows = json.at("rows");
-  d.floats = ListIn<float>(json, "floats");
-  d.bytes = ListIn<std::uint8_t>(json, "bytes");
-  query->weights = ListIn<float>(json, "weights");
-  query->words = ListIn<NearWord>(json, "near");
-  query->bow.words = ListIn<WordCount>(json, "bow");
-  query->bow.total = json.at("total");
-  const Vocabulary& words = quantizer.vocabulary();
+// For words and descriptors that the ranker would not find its way in.
+void CheckQuery(const RankQuery& query, const Vocabulary& words) {
+  const Descriptors& d = query.descriptors;
   const std::size_t values = d.kind == DescriptorKind::kBinary ? d.bytes.size() : d.floats.size();
-  const bool fits = query->method == RankMethod::kHistogram ||
+  const bool fits = query.method == RankMethod::kHistogram ||
                     (d.kind == words.words.kind && d.dim == words.words.dim &&
                      values == d.rows * static_cast<std::size_t>(d.dim) &&
-                     (query->weights.empty() || query->weights.size() == d.rows) &&
-                     (d.rows == 0 ? query->words.empty()
-                                  : query->words.size() % d.rows == 0 && !query->words.empty()));
+                     (query.weights.empty() || query.weights.size() == d.rows) &&
+                     query.words.empty() == (d.rows == 0) &&
+                     query.words.size() % std::max<std::size_t>(1, d.rows) == 0);
   const auto known = [&](const auto& entry) { return entry.word < words.size(); };
-  if (!fits || !std::ranges::all_of(query->words, known) ||
-      !std::ranges::all_of(query->bow.words, known)) {
-    ThrowInvalid("its query");
-  }
-  options->group_by = json.at("by_object").get<bool>() ? GroupBy::kObject : GroupBy::kImage;
-  options->keep = json.at("keep");
-  options->min_score = json.at("min_score");
-  options->admission.nothing = json.at("nothing");
-  options->admission.without_versions = AscendingIn(json, "without");
-  if (json.contains("object")) options->admission.object_key = json.at("object").get<Key>();
-  if (json.contains("versions")) {
-    options->admission.versions =
-        std::make_shared<const std::vector<std::int64_t>>(AscendingIn(json, "versions"));
-  }
+  Require(fits && std::ranges::all_of(query.words, known), "its descriptors");
+  Require(std::ranges::all_of(query.bow.words, known), "its words");
 }
 
-std::string DigestOf(const std::vector<std::uint32_t>& voted) {
-  return Sha256Hex(
-      {reinterpret_cast<const char*>(voted.data()), voted.size() * sizeof(std::uint32_t)});
-}
-
-Json ImagesJson(const std::vector<RankedImage>& images) {
-  Json list = Json::array();
-  for (const RankedImage& image : images) {
-    list.push_back({image.ref.version, image.object, image.score, image.ref.id});
-  }
-  return list;
-}
-
-std::vector<RankedImage> ImagesIn(const Json& list) {
-  std::vector<RankedImage> images;
-  for (const Json& image : list) {
-    images.push_back({{0, image.at(3).get<std::string>(), image.at(0)}, image.at(1), image.at(2)});
-  }
-  return images;
-}
-
-using Replies = std::vector<std::optional<PartServers::Reply>>;
-
-// "part 2, 3": those without a reply, unless the search does without them.
-std::string MissingIn(const Replies& replies, bool partial) {
+// One attempt. Throws kUnavailable if a part has no server, kConflict if one has changed between
+// the steps, and kInvalidArgument for answers of strangers.
+Ranking RankOnce(PartServers& servers, const std::string& query, std::size_t rows,
+                 const RankOptions& options, Clock::time_point until) {
+  Question question{.token = RandomHex(32), .query = query};
+  const PartServers::Replies counts = servers.Ask(Written(question), {}, {}, until);
+  question.voted.resize(rows);
+  std::size_t images = 0;
   std::string missing;
-  for (std::size_t i = 0; i < replies.size(); ++i) {
-    if (!replies[i]) missing += (missing.empty() ? "part " : ", ") + std::to_string(i + 1);
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const auto& reply = counts[i];
+    if (!reply) {
+      missing += (missing.empty() ? "part " : ", ") + std::to_string(i + 1);
+      continue;
+    }
+    const auto count = ReadAs<Counts>(reply->body);
+    Require(count.voted.size() <= rows, "its votes");
+    std::ranges::transform(count.voted, question.voted, question.voted.begin(), std::plus<>());
+    images += count.images;
+    question.digests.push_back(Sha256Hex(reply->body));
   }
-  const bool any =
-      std::ranges::any_of(replies, [](const auto& reply) { return reply.has_value(); });
-  return partial && any ? "" : missing;
+  if (!missing.empty() && (!options.partial || question.digests.empty())) {
+    throw Error(ErrorCode::kUnavailable, "part_unavailable",
+                "No server answers for " + missing + " of the index.");
+  }
+  question.candidates = options.candidates ? options.candidates(images) : 0;
+  const std::string whole = Written(question);
+  question.query.clear();
+  std::vector<PartRanking> parts;
+  for (const auto& reply : servers.Ask(whole, Written(question), counts, until)) {
+    if (reply) parts.push_back(ReadAs<PartRanking>(reply->body));
+  }
+  if (parts.size() < question.digests.size()) {
+    throw Error(ErrorCode::kConflict, "part_changed", "A part of the index has changed.");
+  }
+  Ranking ranking = Merge(std::move(parts), question.candidates, options);
+  ranking.searched =
+      static_cast<double>(question.digests.size()) / static_cast<double>(counts.size());
+  return ranking;
 }
-
-// One search's exchange with the parts.
-class Exchange {
- public:
-  Exchange(const DatabaseState& state, const CollectionView& view, const RankQuery& query,
-           const RankOptions& options)
-      : query_(query),
-        options_(options),
-        message_(QueryJson(state, view, query, options)),
-        counting_(Written(message_)) {}
-
-  // nullopt: a part has no server, or has changed between the steps; why() says which.
-  std::optional<Ranking> Run(PartServers& servers, Clock::time_point until) {
-    const Replies counts =
-        servers.Ask([&]() -> const std::string& { return counting_; }, {}, {}, until);
-    why_ = MissingIn(counts, options_.partial);
-    if (!why_.empty()) return std::nullopt;
-    std::vector<PartServers::Kept> kept(counts.size());
-    std::vector<std::string> digests(counts.size());
-    std::size_t images = 0;
-    std::size_t answered = 0;
-    std::vector<std::uint32_t> voted(query_.descriptors.rows);
-    for (std::size_t i = 0; i < counts.size(); ++i) {
-      if (!counts[i]) continue;
-      const Json json = Parsed(counts[i]->body);
-      const auto own = ListIn<std::uint32_t>(json, "voted");
-      if (own.size() > voted.size()) ThrowInvalid("its votes");
-      std::transform(own.begin(), own.end(), voted.begin(), voted.begin(), std::plus<>());
-      images += json.at("images").get<std::size_t>();
-      kept[i] = {counts[i]->server, json.at("token").get<std::string>()};
-      digests[i] = DigestOf(own);
-      ++answered;
-    }
-    const std::size_t candidates = options_.candidates ? options_.candidates(images) : 0;
-    const Json sums = {{"version", kVersion}, {"voted", Binary(voted)}, {"candidates", candidates}};
-    std::string whole;  // for servers without the votes
-    const auto again = [&]() -> const std::string& {
-      if (whole.empty()) {
-        Json json = message_;
-        json.update(sums);
-        json["digests"] = digests;
-        whole = Written(json);
-      }
-      return whole;
-    };
-    std::vector<PartRanking> parts;
-    for (const auto& reply : servers.Ask(again, kept, Written(sums), until)) {
-      if (!reply || reply->refused) continue;
-      const Json json = Parsed(reply->body);
-      parts.push_back({ImagesIn(json.at("candidates")), ImagesIn(json.at("best")),
-                       AscendingIn(json, "objects"), json.at("alone")});
-    }
-    why_ = "a part that has changed";
-    if (parts.size() < answered) return std::nullopt;
-    Ranking ranking = Merge(std::move(parts), candidates, options_);
-    ranking.searched = static_cast<double>(answered) / static_cast<double>(counts.size());
-    return ranking;
-  }
-  const std::string& why() const { return why_; }
-
- private:
-  const RankQuery& query_;
-  const RankOptions& options_;
-  const Json message_;
-  const std::string counting_;
-  std::string why_;
-};
 
 }  // namespace
 
 Ranking RankInParts(const std::function<std::shared_ptr<PartServers>()>& servers,
-                    const DatabaseState& state, const CollectionView& view, const RankQuery& query,
-                    const RankOptions& options) {
-  Exchange exchange(state, view, query, options);
+                    const PartState& state, const RankQuery& query, const RankOptions& options) {
+  const std::string message = Written(Query{state, query, options});
   std::shared_ptr<PartServers> asked = servers();
   const auto until = Clock::now() + asked->timeout();
-  std::string why;
-  for (int attempt = 1; attempt <= kMostAttempts && Clock::now() < until; ++attempt) {
+  for (int attempt = 1;; ++attempt) {
     try {
-      if (auto ranking = exchange.Run(*asked, until)) return *std::move(ranking);
-      why = exchange.why();
-    } catch (const Json::exception& error) {
-      why = std::string("a part whose answer is unreadable: ") + error.what();
+      return RankOnce(*asked, message, query.descriptors.rows, options, until);
     } catch (const Error& error) {
-      why = std::string("a part whose answer is unreadable: ") + error.what();
+      const std::shared_ptr<PartServers> now = servers();
+      const bool is_missing = error.code() == ErrorCode::kUnavailable;
+      if ((is_missing && now == asked) || attempt == kMostAttempts || Clock::now() >= until) {
+        throw Error(ErrorCode::kUnavailable, "part_unavailable",
+                    error.what() + std::string(" Try again shortly."));
+      }
+      asked = now;
     }
-    const std::shared_ptr<PartServers> now = servers();
-    if (now == asked && why.starts_with("part ")) break;
-    asked = now;
   }
-  throw Error(ErrorCode::kUnavailable, "part_unavailable",
-              "No server answers for " + why + " of the index. Try again shortly.");
 }
 
 // One part of one query, between its steps.
 struct PartAnswers::Kept {
-  CollectionView view;
-  RankQuery query;
-  RankOptions options;
-  std::optional<PartRanker> ranker;
+  std::string token;
+  Query query;
+  CollectionView view = {};
+  std::unique_ptr<PartRanker> ranker = {};
   std::size_t bytes = 0;
   Clock::time_point since = Clock::now();
 };
 
-void PartAnswers::DropOld() {
-  const auto drop = [&](auto entry) {
-    kept_bytes_ -= entry->second->bytes;
-    return kept_.erase(entry);
-  };
-  const auto now = Clock::now();
-  for (auto entry = kept_.begin(); entry != kept_.end();) {
-    entry = now - entry->second->since > kKeptFor ? drop(entry) : std::next(entry);
-  }
-  while (kept_bytes_ > kMostKeptBytes) {
-    drop(
-        std::ranges::min_element(kept_, {}, [](const auto& entry) { return entry.second->since; }));
-  }
-}
-
 std::shared_ptr<PartAnswers::Kept> PartAnswers::Take(const std::string& token) {
   const std::lock_guard lock(mutex_);
-  DropOld();
-  const auto found = kept_.find(token);
-  if (found == kept_.end()) {
-    throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not keep these votes.");
-  }
-  std::shared_ptr<Kept> kept = std::move(found->second);
-  kept_.erase(found);
-  kept_bytes_ -= kept->bytes;
-  return kept;
+  std::shared_ptr<Kept> taken;
+  std::erase_if(kept_, [&](const auto& kept) {
+    if (kept->token == token) taken = kept;
+    return kept == taken;
+  });
+  if (taken) return taken;
+  throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server does not keep these votes.");
 }
 
-std::string PartAnswers::Keep(std::shared_ptr<Kept> kept) {
-  const std::string token = RandomHex(32);
+void PartAnswers::Keep(std::shared_ptr<Kept> kept) {
   const std::lock_guard lock(mutex_);
-  kept_bytes_ += kept->bytes;
-  kept_.emplace(token, std::move(kept));
-  DropOld();
-  return token;
+  kept_.push_front(std::move(kept));
+  std::size_t bytes = 0;
+  std::erase_if(kept_, [&, now = Clock::now()](const auto& one) {
+    bytes += one->bytes;
+    return bytes > kMostKeptBytes || now - one->since > kKeptFor;
+  });
 }
 
 std::string PartAnswers::Answer(MemoryRanker& ranker, const std::string& database,
-                                const std::string& token, const std::string& message, int threads,
-                                Clock::time_point until) {
-  const auto check_time = [&] {
-    if (Clock::now() >= until) {
-      throw Error(ErrorCode::kUnavailable, "busy", "The other server does not wait any more.");
-    }
-  };
-  try {
-    const Json json = Parsed(message);
-    std::shared_ptr<Kept> kept;
-    if (token.empty()) {
-      if (json.at("database") != database) {
-        throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server uses another database.");
-      }
-      kept = std::make_shared<Kept>();
-      auto view = ranker.ViewIn(json.at("vocabulary"), json.at("name"));
-      if (view) kept->view = *std::move(view);
-      if (kept->view.collection != json.at("collection").get<Key>() ||
-          !kept->view.has_vocabulary() ||
-          ranker.followed() < json.at("followed").get<std::int64_t>()) {
-        throw Error(ErrorCode::kNotFound, "part_elsewhere",
-                    "This server is not at the state of the database that was asked for.");
-      }
-      ReadQuery(json, *kept->view.quantizer, &kept->query, &kept->options);
-      kept->options.threads = threads;
-      check_time();
-      kept->ranker.emplace(*kept->view.snapshot, *kept->view.quantizer, kept->query, threads);
-    } else {
-      kept = Take(token);
-      kept->options.threads = threads;
-    }
-    PartRanker& part = *kept->ranker;
-    if (!json.contains("voted")) {
-      Json counts = {{"version", kVersion},
-                     {"voted", Binary(part.voted())},
-                     {"images", kept->view.snapshot->images}};
-      kept->bytes = part.memory_bytes() + message.size();
-      counts["token"] = Keep(std::move(kept));
-      return Written(counts);
-    }
-    const auto voted = ListIn<std::uint32_t>(json, "voted");
-    if (voted.size() < part.voted().size()) ThrowInvalid("its votes");
-    if (token.empty()) {
-      const auto digests = json.at("digests").get<std::vector<std::string>>();
-      if (std::ranges::find(digests, DigestOf(part.voted())) == digests.end()) {
-        throw Error(ErrorCode::kConflict, "part_changed",
-                    "The part has changed between the steps.");
-      }
-    }
-    check_time();
-    PartRanking ranking = part.Rank(voted, json.at("candidates"), kept->options);
-    std::ranges::sort(ranking.objects);
-    return Written({{"version", kVersion},
-                    {"candidates", ImagesJson(ranking.candidates)},
-                    {"best", ImagesJson(ranking.best)},
-                    {"objects", Ascending(ranking.objects)},
-                    {"alone", ranking.alone}});
-  } catch (const Json::exception& error) {
-    ThrowInvalid(error.what());
+                                const std::string& message, int threads, Clock::time_point until) {
+  if (Clock::now() >= until) {
+    throw Error(ErrorCode::kUnavailable, "busy", "The other server does not wait any more.");
   }
+  const auto question = ReadAs<Question>(message);
+  std::shared_ptr<Kept> kept;
+  if (question.query.empty()) {
+    kept = Take(question.token);
+  } else {
+    kept = std::make_shared<Kept>(Kept{question.token, ReadAs<Query>(question.query)});
+    const PartState& state = kept->query.state;
+    if (state.database != database) {
+      throw Error(ErrorCode::kNotFound, "part_elsewhere", "This server uses another database.");
+    }
+    if (auto view = ranker.ViewIn(state.vocabulary, state.name)) kept->view = *std::move(view);
+    if (kept->view.collection != state.collection || !kept->view.has_vocabulary() ||
+        ranker.followed() < state.followed) {
+      throw Error(ErrorCode::kNotFound, "part_elsewhere",
+                  "This server is not at the state of the database that was asked for.");
+    }
+    CheckQuery(kept->query.rank, kept->view.quantizer->vocabulary());
+    kept->ranker = std::make_unique<PartRanker>(*kept->view.snapshot, *kept->view.quantizer,
+                                                kept->query.rank, threads);
+  }
+  PartRanker& part = *kept->ranker;
+  std::string counts = Written(Counts{part.voted(), kept->view.snapshot->images});
+  if (question.digests.empty()) {
+    kept->bytes = message.size() + sizeof(Vote) * std::reduce(part.voted().begin(),
+                                                              part.voted().end(), std::size_t{0});
+    Keep(kept);
+    return counts;
+  }
+  if (std::ranges::find(question.digests, Sha256Hex(counts)) == question.digests.end()) {
+    throw Error(ErrorCode::kConflict, "part_changed", "The part has changed between the steps.");
+  }
+  Require(question.voted.size() >= part.voted().size(), "its votes");
+  kept->query.options.threads = threads;
+  PartRanking ranking = part.Rank(question.voted, question.candidates, kept->query.options);
+  std::ranges::sort(ranking.objects);
+  return Written(std::move(ranking));
 }
 
 }  // namespace pliant

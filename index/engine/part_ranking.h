@@ -5,8 +5,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -18,38 +18,36 @@
 namespace pliant {
 
 // What parts must have reached.
-struct DatabaseState {
+struct PartState {
   std::string database;  // Store::Identity
   std::int64_t followed = 0;
+  std::string name;  // of the collection
+  Key collection = 0;
+  Key vocabulary = 0;
 };
 
 // Asks all parts. `servers`: the present configuration, which can change meanwhile. Throws
 // kUnavailable "part_unavailable".
 Ranking RankInParts(const std::function<std::shared_ptr<PartServers>()>& servers,
-                    const DatabaseState& state, const CollectionView& view, const RankQuery& query,
-                    const RankOptions& options);
+                    const PartState& state, const RankQuery& query, const RankOptions& options);
 
 // Answers for one part. Thread-safe.
 class PartAnswers {
  public:
-  // `token`: of the first step, or empty. Nothing is ranked after `until`. Throws kNotFound
-  // "part_elsewhere" for another share, for another database, for a vocabulary or a state that is
-  // not here, and for unknown tokens: another server may know them; kConflict "part_changed";
-  // kInvalidArgument "peer_message_invalid".
-  std::string Answer(MemoryRanker& ranker, const std::string& database, const std::string& token,
-                     const std::string& message, int threads, PartServers::Clock::time_point until);
+  // Nothing is ranked after `until`. Throws kNotFound "part_elsewhere" for another database, for a
+  // vocabulary or a state that is not here, and for unknown tokens: another server may know them;
+  // kConflict "part_changed"; kInvalidArgument "peer_message_invalid".
+  std::string Answer(MemoryRanker& ranker, const std::string& database, const std::string& message,
+                     int threads, PartServers::Clock::time_point until);
 
  private:
   struct Kept;
 
   std::shared_ptr<Kept> Take(const std::string& token);
-  std::string Keep(std::shared_ptr<Kept> kept);
+  void Keep(std::shared_ptr<Kept> kept);
 
-  void DropOld();  // mutex_ held
-
-  std::mutex mutex_;  // guards the rest
-  std::map<std::string, std::shared_ptr<Kept>> kept_;
-  std::size_t kept_bytes_ = 0;
+  std::mutex mutex_;                        // guards the rest
+  std::deque<std::shared_ptr<Kept>> kept_;  // the newest first
 };
 
 }  // namespace pliant

@@ -56,19 +56,16 @@ void ScorePart(const IndexSnapshot::Part& part, const Bow& query, const Admissio
   }
 }
 
-// The order of results: a total one, so that they do not depend on segments and threads.
-bool IsBetter(const Candidate& a, const Candidate& b) {
-  if (a.score != b.score) return a.score > b.score;
-  return a.id() < b.id();
-}
-
-bool IsBetter(const RankedImage& a, const RankedImage& b) {
-  if (a.score != b.score) return a.score > b.score;
-  return a.ref.id < b.ref.id;
-}
-
 Key ObjectOf(const Candidate& candidate) { return candidate.image().object; }
 Key ObjectOf(const RankedImage& image) { return image.object; }
+
+std::string_view IdOf(const Candidate& candidate) { return candidate.id(); }
+std::string_view IdOf(const RankedImage& image) { return image.ref.id; }
+
+// The order of results: a total one, so that they do not depend on segments, parts and threads.
+constexpr auto kIsBetter = [](const auto& a, const auto& b) {
+  return a.score != b.score ? a.score > b.score : IdOf(a) < IdOf(b);
+};
 
 // Each object once, by its best image, and the images without an object.
 template <typename Image>
@@ -76,39 +73,29 @@ std::vector<Image> BestOfEachObject(std::vector<Image> images) {
   std::vector<Image> best;
   std::unordered_map<Key, std::size_t> position;  // of an object in `best`
   for (Image& image : images) {
-    if (const Key object = ObjectOf(image); object != 0) {
-      const auto [found, is_new] = position.try_emplace(object, best.size());
-      if (!is_new) {
-        Image& held = best[found->second];
-        if (IsBetter(image, held)) held = std::move(image);
-        continue;
-      }
+    const Key object = ObjectOf(image);
+    const std::size_t next = best.size();
+    const std::size_t at = object == 0 ? next : position.try_emplace(object, next).first->second;
+    if (at == next) {
+      best.push_back(std::move(image));
+    } else if (kIsBetter(image, best[at])) {
+      best[at] = std::move(image);
     }
-    best.push_back(std::move(image));
   }
   return best;
 }
 
-// The best `count` in order at the front, the others in any order.
+// Removes the best `count`, in order, or all if there are fewer. The others stay in any order.
 template <typename Image>
-void SortBest(std::vector<Image>* images, std::size_t count) {
-  if (count == 0) return;
-  const auto better = [](const Image& a, const Image& b) { return IsBetter(a, b); };
-  auto end = images->end();
-  if (count < images->size()) {
-    end = images->begin() + static_cast<std::ptrdiff_t>(count);
-    std::nth_element(images->begin(), end - 1, images->end(), better);
-  }
-  std::sort(images->begin(), end, better);
-}
-
-// Removes the first `count`, or all if there are fewer.
-template <typename Image>
-std::vector<Image> TakeFirst(std::vector<Image>* images, std::size_t count) {
+std::vector<Image> TakeBest(std::vector<Image>* images, std::size_t count) {
   const auto end = images->begin() + static_cast<std::ptrdiff_t>(std::min(count, images->size()));
-  std::vector<Image> first(std::make_move_iterator(images->begin()), std::make_move_iterator(end));
+  if (count > 0 && end != images->end()) {
+    std::nth_element(images->begin(), end - 1, images->end(), kIsBetter);
+  }
+  std::sort(images->begin(), end, kIsBetter);
+  std::vector<Image> best(std::make_move_iterator(images->begin()), std::make_move_iterator(end));
   images->erase(images->begin(), end);
-  return first;
+  return best;
 }
 
 std::vector<RankedImage> Named(std::span<const Candidate> candidates) {
@@ -120,80 +107,44 @@ std::vector<RankedImage> Named(std::span<const Candidate> candidates) {
   return named;
 }
 
-PartRanking Chosen(std::vector<Candidate> images, std::size_t candidates,
-                   const RankOptions& options) {
-  PartRanking ranking;
-  SortBest(&images, candidates);
-  ranking.candidates = Named(TakeFirst(&images, candidates));
-  std::erase_if(images, [&](const Candidate& c) { return c.score < options.min_score; });
-  if (options.group_by == GroupBy::kObject) {
-    images = BestOfEachObject(std::move(images));
-    for (const Candidate& image : images) {
-      if (ObjectOf(image) != 0) ranking.objects.push_back(ObjectOf(image));
-    }
-  }
-  ranking.alone = images.size() - ranking.objects.size();
-  // Objects of candidates from other parts fall out later.
-  const std::size_t keep = options.keep == 0 ? images.size() : options.keep + candidates;
-  SortBest(&images, keep);
-  ranking.best = Named(TakeFirst(&images, keep));
-  return ranking;
-}
-
-// Number of objects in any of the lists, without some. Sorts the lists.
-std::size_t CountObjects(std::span<std::vector<Key>> lists,
-                         const std::unordered_set<Key>& but_not) {
-  std::vector<Key> all;
-  for (std::vector<Key>& list : lists) {
-    std::vector<Key> both;
-    std::ranges::set_union(all, list, std::back_inserter(both));
-    all = all.empty() ? std::move(list) : std::move(both);
-  }
-  return static_cast<std::size_t>(
-      std::ranges::count_if(all, [&](Key object) { return !but_not.contains(object); }));
-}
-
 }  // namespace
 
 Ranking Merge(std::vector<PartRanking> parts, std::size_t candidates, const RankOptions& options) {
   Ranking ranking;
   ranking.depth = candidates;
   std::vector<RankedImage> images;
-  std::vector<std::vector<Key>> objects;
+  std::vector<Key> objects;
   for (PartRanking& part : parts) {
     std::ranges::move(part.candidates, std::back_inserter(images));
-    objects.push_back(std::move(part.objects));
+    const auto middle = objects.insert(objects.end(), part.objects.begin(), part.objects.end());
+    std::inplace_merge(objects.begin(), middle, objects.end());
     ranking.total += part.alone;
   }
-  SortBest(&images, candidates);
-  ranking.candidates = TakeFirst(&images, candidates);
-  std::erase_if(images, [&](const RankedImage& image) { return image.score < options.min_score; });
+  objects.erase(std::unique(objects.begin(), objects.end()), objects.end());
+  ranking.candidates = TakeBest(&images, candidates);
   const bool by_object = options.group_by == GroupBy::kObject;
-  std::unordered_set<Key> shown;
-  if (by_object) {
-    for (const RankedImage& image : ranking.candidates) shown.insert(image.object);
-    shown.erase(0);
+  std::unordered_set<Key> shown;  // objects
+  for (const RankedImage& image : ranking.candidates) {
+    if (by_object && image.object != 0) shown.insert(image.object);
   }
-  std::vector<Key> of_others;
+  const auto is_no_hit = [&](const RankedImage& image) {
+    return image.score < options.min_score || shown.contains(image.object);
+  };
+  std::erase_if(images, is_no_hit);
+  ranking.total += static_cast<std::size_t>(
+      std::ranges::count_if(objects, [&](Key object) { return !shown.contains(object); }));
+  std::unordered_set<Key> others;  // objects of which parts had candidates only
   for (const RankedImage& image : images) {
-    if (by_object && image.object != 0) {
-      of_others.push_back(image.object);
-    } else {
+    const bool is_alone = !by_object || image.object == 0;
+    if (is_alone || (!std::ranges::binary_search(objects, image.object) &&
+                     others.insert(image.object).second)) {
       ++ranking.total;
     }
   }
-  std::ranges::sort(of_others);
-  of_others.erase(std::unique(of_others.begin(), of_others.end()), of_others.end());
-  objects.push_back(std::move(of_others));
-  ranking.total += CountObjects(objects, shown);
   for (PartRanking& part : parts) std::ranges::move(part.best, std::back_inserter(images));
-  if (by_object) {
-    std::erase_if(images, [&](const RankedImage& image) { return shown.contains(image.object); });
-    images = BestOfEachObject(std::move(images));
-  }
-  const std::size_t keep = options.keep == 0 ? images.size() : options.keep;
-  SortBest(&images, keep);
-  ranking.best = TakeFirst(&images, keep);
+  std::erase_if(images, is_no_hit);
+  if (by_object) images = BestOfEachObject(std::move(images));
+  ranking.best = TakeBest(&images, options.keep == 0 ? images.size() : options.keep);
   return ranking;
 }
 
@@ -260,13 +211,20 @@ PartRanking PartRanker::Rank(std::span<const std::uint32_t> voted, std::size_t c
   });
   std::vector<Candidate> images;
   for (const auto& part : found) images.insert(images.end(), part.begin(), part.end());
-  return Chosen(std::move(images), candidates, options);
-}
-
-std::size_t PartRanker::memory_bytes() const {
-  std::size_t votes = 0;
-  for (const std::vector<Vote>& list : votes_) votes += list.capacity();
-  return votes * sizeof(Vote);
+  PartRanking ranking;
+  ranking.candidates = Named(TakeBest(&images, candidates));
+  std::erase_if(images, [&](const Candidate& c) { return c.score < options.min_score; });
+  if (options.group_by == GroupBy::kObject) {
+    images = BestOfEachObject(std::move(images));
+    for (const Candidate& image : images) {
+      if (ObjectOf(image) != 0) ranking.objects.push_back(ObjectOf(image));
+    }
+  }
+  ranking.alone = images.size() - ranking.objects.size();
+  // Objects of candidates from other parts fall out later.
+  const std::size_t keep = options.keep == 0 ? images.size() : options.keep + candidates;
+  ranking.best = Named(TakeBest(&images, keep));
+  return ranking;
 }
 
 Ranking Rank(const IndexSnapshot& snapshot, const Quantizer& quantizer, const RankQuery& query,

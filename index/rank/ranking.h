@@ -101,7 +101,6 @@ class PartRanker {
   // The second step, once. `voted`: sum over all parts. `candidates`: as all parts together.
   PartRanking Rank(std::span<const std::uint32_t> voted, std::size_t candidates,
                    const RankOptions& options);
-  std::size_t memory_bytes() const;  // of the votes
 
  private:
   const IndexSnapshot& snapshot_;

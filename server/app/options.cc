@@ -60,8 +60,7 @@ const Flag kFlags[] = {
     {"--log-format", &O::log_format, "text, or json: one object per line", 0, 0, "text,json"},
     {"--index-dir", &O::index_dir,
      "Directory where the index of a PostgreSQL database is saved, so that starts are fast; "
-     "default: "
-     "none"},
+     "default: none"},
     {"--part", &O::part,
      "Part of the index that this server holds, for example 1/4; needs --peers; default: all"},
     {"--peers", &O::peers, "File (TOML) with the servers of all parts"},
@@ -231,12 +230,21 @@ bool AllLoopback(const std::string& host) {
   return all;
 }
 
-// Throws nothing: CheckParts has.
+[[noreturn]] void Fail(const std::string& flag, const std::string& why) {
+  throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--" + flag + " " + why);
+}
+
 IndexShare ParsePart(const std::string& text) {
-  const std::size_t slash = text.find('/');
-  if (slash == std::string::npos) return {};
-  return {.part = NumberOf<int>(text.substr(0, slash)).value_or(0),
-          .parts = NumberOf<int>(text.substr(slash + 1)).value_or(0)};
+  if (text.empty()) return {};
+  IndexShare share{.part = 0};
+  std::smatch numbers;
+  if (std::regex_match(text, numbers, std::regex("([0-9]{1,4})/([0-9]{1,4})"))) {
+    share = {.part = std::stoi(numbers[1]), .parts = std::stoi(numbers[2])};
+  }
+  if (share.part < 1 || share.part > share.parts || share.parts > kMostParts) {
+    Fail("part", "must be like 1/4, not '" + text + "'");
+  }
+  return share;
 }
 
 EngineOptions MakeEngineOptions(const ServerOptions& options) {
@@ -258,15 +266,12 @@ EngineOptions MakeEngineOptions(const ServerOptions& options) {
   return engine;
 }
 
-[[noreturn]] void Fail(const std::string& flag, const std::string& why) {
-  throw Error(ErrorCode::kInvalidArgument, "invalid_option", "--" + flag + " " + why);
-}
-
 void CheckDirectories(const ServerOptions& options) {
   namespace fs = std::filesystem;
   std::error_code ignored;
   for (const auto& [flag, directory] :
-       {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir}}) {
+       {std::pair{"import-dir", options.import_dir}, std::pair{"backup-dir", options.backup_dir},
+        std::pair{"index-dir", options.index_dir}}) {
     if (!directory.empty() && !fs::is_directory(directory, ignored)) {
       Fail(flag, "is not a directory: " + directory);
     }
@@ -291,16 +296,8 @@ void CheckParts(const ServerOptions& options) {
         std::pair{"peers", options.peers}}) {
     if (!value.empty() && !on_server) Fail(flag, "needs a database on PostgreSQL");
   }
-  std::error_code ignored;
-  if (!options.index_dir.empty() && !std::filesystem::is_directory(options.index_dir, ignored)) {
-    Fail("index-dir", "is not a directory: " + options.index_dir);
-  }
   if (options.part.empty() != options.peers.empty()) Fail("part", "and --peers go together");
-  const IndexShare share = ParsePart(options.part);
-  if (share.part < 1 || share.part > share.parts || share.parts > kMostParts ||
-      (!options.part.empty() && options.part.find('/') == std::string::npos)) {
-    Fail("part", "must be like 1/4, not '" + options.part + "'");
-  }
+  ParsePart(options.part);
 }
 
 void CheckFetching(const ServerOptions& options) {

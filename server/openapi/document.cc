@@ -78,9 +78,6 @@ std::string TagOf(const Route& route) {
   return tag == tags.end() ? first : tag->second;
 }
 
-// No client calls it.
-bool IsBetweenServers(const Route& route) { return route.scope == Scope::kPeer; }
-
 Json TagsOf(const std::vector<Route>& routes) {
   static const std::map<std::string, std::string> meanings = {
       {"aliases", "Alternative names of collections"},
@@ -99,7 +96,7 @@ Json TagsOf(const std::vector<Route>& routes) {
       {"vocabularies", "Training and activating vocabularies of visual words"}};
   std::set<std::string> used;
   for (const Route& route : routes) {
-    if (!IsBetweenServers(route)) used.insert(TagOf(route));
+    if (route.scope != Scope::kPeer) used.insert(TagOf(route));
   }
   Json tags = Json::array();
   for (const std::string& name : used) {
@@ -416,7 +413,7 @@ Json OpenApiDocument(const std::vector<Route>& routes) {
   Json paths = Json::object();
   for (const Route& route : routes) {
     if (route.name == "page" && route.pattern != "/") continue;  // parts of the page
-    if (IsBetweenServers(route)) continue;
+    if (route.scope == Scope::kPeer) continue;                   // between servers
     paths[route.pattern][Lower(route.method)] = Operation(route);
   }
   const Json bearer = {{"type", "http"}, {"scheme", "bearer"}};

@@ -3,20 +3,22 @@
 #include "server/peers/peers.h"
 
 #include <algorithm>
-#include <array>
-#include <atomic>
+#include <deque>
+#include <fstream>
 #include <map>
 #include <optional>
 #include <random>
 #include <system_error>
-#include <tuple>
 #include <utility>
 
+#include <CLI/CLI.hpp>
 #include <curl/curl.h>
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
 
 #include "descriptor/base/error.h"
+#include "descriptor/base/strings.h"
 #include "index/files/text.h"
 
 namespace pliant::server {
@@ -39,28 +41,18 @@ constexpr std::size_t kAnswers = 100;
 constexpr std::chrono::seconds kAskStatesEvery{3};
 constexpr std::size_t kMostReplyBytes = std::size_t{256} << 20U;
 
-constexpr long kOk = 200;
+void Require(bool done) {
+  if (!done) throw std::runtime_error("libcurl ran out of memory");
+}
 
-// The last durations of a server's answers. Guarded by its user.
-class Durations {
- public:
-  void Add(milliseconds one) {
-    last_[next_++ % kAnswers] = one;
-    count_ = std::min(count_ + 1, kAnswers);
-  }
-  milliseconds Hedge() const {
-    if (count_ < kLeastAnswers) return kFirstHedge;
-    auto sorted = last_;
-    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(count_ * 95 / 100);
-    std::nth_element(sorted.begin(), at, sorted.begin() + static_cast<std::ptrdiff_t>(count_));
-    return std::max(kLeastHedge, *at);
-  }
-
- private:
-  std::array<milliseconds, kAnswers> last_{};
-  std::size_t next_ = 0;
-  std::size_t count_ = 0;
-};
+// Waits until something happens. Returns the number of requests that run.
+int Advance(CURLM* multi, Clock::duration at_most) {
+  const auto ms = static_cast<int>(duration_cast<milliseconds>(at_most).count()) + 1;
+  int running = 0;
+  Require(curl_multi_poll(multi, nullptr, 0, ms, nullptr) == CURLM_OK &&
+          curl_multi_perform(multi, &running) == CURLM_OK);
+  return running;
+}
 
 // Another number than `bytes` ends the request.
 std::size_t OnBody(const char* data, std::size_t, std::size_t bytes, void* text) {
@@ -70,374 +62,338 @@ std::size_t OnBody(const char* data, std::size_t, std::size_t bytes, void* text)
   return bytes;
 }
 
-struct Refusal {
-  std::string code;
-  std::string detail;
-};
-
-// Empty unless it is a problem as Pliant's servers send it.
-Refusal RefusalIn(const std::string& body) {
-  try {
-    const auto json = nlohmann::json::parse(body);
-    return {json.at("code"), Shown(json.at("detail").get<std::string>())};
-  } catch (const nlohmann::json::exception&) {
-    return {};
-  }
-}
-
-void Require(bool done) {
-  if (!done) throw std::runtime_error("libcurl ran out of memory");
-}
-
-// One request that runs.
+// One request that runs until this ends.
 struct Call {
-  std::size_t part = 0;
-  std::size_t server = 0;
-  Clock::time_point began = Clock::now();
-  std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle{curl_easy_init(), curl_easy_cleanup};
-  std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers{nullptr, curl_slist_free_all};
-  std::string body;  // of the answer
-};
+  CURLM* const multi;
+  const std::size_t part;
+  const std::size_t server;
+  const Clock::time_point began = Clock::now();
+  std::string body = {};  // of the answer
+  const std::unique_ptr<CURL, decltype(&curl_easy_cleanup)> handle{curl_easy_init(),
+                                                                   curl_easy_cleanup};
 
-using Multi = std::unique_ptr<CURLM, decltype(&curl_multi_cleanup)>;
+  ~Call() { curl_multi_remove_handle(multi, handle.get()); }
+};
 
 }  // namespace
 
-const char* PeerOutcomeName(PeerOutcome outcome) {
-  constexpr const char* kNames[] = {"answered", "refused", "failed", "overtaken"};
-  return kNames[static_cast<int>(outcome)];
+PeerLayout ReadPeerLayout(const std::filesystem::path& file) {
+  const auto fail = [&](const std::string& why) {
+    throw Error(ErrorCode::kInvalidArgument, "peers_invalid",
+                "the file of --peers, " + file.string() + ", " + why);
+  };
+  std::ifstream in(file);
+  if (!in.is_open()) fail("cannot be read");
+  PeerLayout layout;
+  std::vector<CLI::ConfigItem> items;
+  try {
+    items = CLI::ConfigTOML().from_config(in);
+  } catch (const CLI::Error& error) {
+    fail(std::string("is no TOML: ") + error.what());
+  }
+  for (const CLI::ConfigItem& item : items) {
+    if (item.name == "++" || item.name == "--") continue;  // begin and end of a section
+    const std::string name = item.fullname();
+    const std::string value = item.inputs.size() == 1 ? item.inputs.front() : "";
+    if (name == "key") {
+      layout.key = value;
+    } else if (name == "timeout_ms") {
+      const int ms = NumberOf<int>(value).value_or(0);
+      if (ms < 1 || ms > 600'000) fail("has a timeout_ms that is not 1 to 600000");
+      layout.timeout = milliseconds(ms);
+    } else if (name == "parts." + std::to_string(layout.parts.size() + 1)) {
+      if (item.inputs.empty()) fail("lists no servers for " + name);
+      layout.parts.push_back(item.inputs);
+      for (std::string& address : layout.parts.back()) {
+        if (address.ends_with('/')) address.pop_back();
+        if (!address.starts_with("http://") && !address.starts_with("https://")) {
+          fail("has the address '" + address + "', which is not http:// or https://");
+        }
+      }
+    } else {
+      fail("has an unknown entry " + name + ". It takes the parts 1, 2, ... in order");
+    }
+  }
+  if (layout.parts.empty()) fail("lists no servers");
+  return layout;
 }
 
-class Peers::Servers : public PartServers {
+// The servers of one state of the file.
+class PeerServers : public PartServers {
  public:
-  Servers(PeerLayout layout, OnRequest on_request)
-      : layout_(std::move(layout)), on_request_(std::move(on_request)) {
-    for (const auto& part : layout_.parts) known_.emplace_back(part.size());
-    for (const auto& part : known_) turns_.push_back(std::random_device()() % part.size());
+  PeerServers(PeerLayout of_file, Peers::OnRequest on_request)
+      : layout(std::move(of_file)), on_request_(std::move(on_request)) {
+    const std::string key = "Authorization: Bearer " + layout.key;
+    Require(headers_ && curl_slist_append(headers_.get(), "Expect:") != nullptr);
+    Require(layout.key.empty() || curl_slist_append(headers_.get(), key.c_str()) != nullptr);
+    for (const auto& part : layout.parts) known_.emplace_back(part.size());
   }
 
-  const PeerLayout& layout() const { return layout_; }
-  int parts() const override { return static_cast<int>(layout_.parts.size()); }
-  milliseconds timeout() const override { return layout_.timeout; }
-
-  std::vector<std::optional<Reply>> Ask(const std::function<const std::string&()>& body,
-                                        std::span<const Kept> kept, const std::string& to_kept,
-                                        Clock::time_point until) override {
-    Exchange exchange(*this);
-    for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
-      if (!kept.empty() && kept[part].token.empty()) continue;
-      exchange.AddPart(part, kept.empty() ? nullptr : &kept[part]);
-    }
-    return exchange.Run(body, to_kept, until);
-  }
-
+  milliseconds timeout() const override { return layout.timeout; }
+  Replies Ask(const std::string& whole, const std::string& to_kept, const Replies& first,
+              Clock::time_point until) override;
   std::vector<PeerState> States();
 
- private:
-  struct Known {
-    Durations durations;  // of either step
-    Clock::time_point avoid_until{};
-  };
-  // One step of one ranking, on the thread that waits for it.
-  class Exchange {
-   public:
-    explicit Exchange(Servers& all)
-        : all_(all), multi_(all.Borrow()), replies_(all.layout_.parts.size()) {}
-    ~Exchange();
-    Exchange(const Exchange&) = delete;
-    Exchange& operator=(const Exchange&) = delete;
-
-    void AddPart(std::size_t part, const Kept* kept);
-    std::vector<std::optional<Reply>> Run(const std::function<const std::string&()>& body,
-                                          const std::string& to_kept, Clock::time_point until);
-
-   private:
-    struct Waiting {            // a part without a reply
-      std::vector<Kept> turns;  // without a token: to be asked the whole
-      std::size_t next = 0;
-      std::size_t running = 0;
-      bool refused = false;
-      Clock::time_point hedge_at = Clock::time_point::max();
-    };
-    void Start(std::size_t part, const std::function<const std::string&()>& body,
-               const std::string& to_kept, Clock::time_point until);
-    bool CanHedge(std::size_t part, const Waiting& waiting) const;
-    void TakeFinished();
-    void Answered(const Call& call, std::string body);
-    void End(std::size_t call, PeerOutcome outcome, bool slow = true);
-
-    Servers& all_;
-    Multi multi_;
-    std::map<std::size_t, Waiting> waiting_;
-    std::vector<std::unique_ptr<Call>> calls_;
-    std::vector<std::optional<Reply>> replies_;
-  };
-
-  Multi Borrow() {
+  // Has open connections, if one is idle, and is idle again when the pointer ends.
+  std::shared_ptr<CURLM> Borrow() {
     const std::lock_guard lock(mutex_);
-    if (idle_.empty()) {
-      Multi made(curl_multi_init(), curl_multi_cleanup);
-      Require(made != nullptr);
-      return made;
-    }
-    Multi multi = std::move(idle_.back());
+    if (idle_.empty()) idle_.emplace_back(curl_multi_init(), curl_multi_cleanup);
+    auto multi = std::move(idle_.back());
     idle_.pop_back();
-    return multi;
+    Require(multi != nullptr);
+    return {multi.release(), [this](CURLM* used) {
+              const std::lock_guard again(mutex_);
+              idle_.emplace_back(used, curl_multi_cleanup);
+            }};
   }
-  void GiveBack(Multi multi) {
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(multi));
+
+  // `message`: to POST; not copied.
+  std::unique_ptr<Call> Start(CURLM* multi, std::size_t part, std::size_t server,
+                              const std::string& path, milliseconds timeout,
+                              const std::string* message = nullptr) const {
+    std::unique_ptr<Call> call(new Call{multi, part, server});
+    CURL* const handle = call->handle.get();
+    Require(handle != nullptr);
+    curl_easy_setopt(handle, CURLOPT_URL, (layout.parts[part][server] + path).c_str());
+    curl_easy_setopt(handle, CURLOPT_HTTPHEADER, headers_.get());
+    curl_easy_setopt(handle, CURLOPT_TIMEOUT_MS, static_cast<long>(timeout.count()));
+    curl_easy_setopt(handle, CURLOPT_NOSIGNAL, 1L);
+    curl_easy_setopt(handle, CURLOPT_PROXY, "");
+    curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, OnBody);
+    curl_easy_setopt(handle, CURLOPT_WRITEDATA, &call->body);
+    curl_easy_setopt(handle, CURLOPT_PRIVATE, call.get());
+    if (message != nullptr) {
+      curl_easy_setopt(handle, CURLOPT_POSTFIELDSIZE_LARGE,
+                       static_cast<curl_off_t>(message->size()));
+      curl_easy_setopt(handle, CURLOPT_POSTFIELDS, message->data());
+    }
+    Require(curl_multi_add_handle(multi, handle) == CURLM_OK);
+    return call;
   }
-  // Of a part, in the order in which they are asked.
-  std::vector<std::size_t> Order(std::size_t part, bool next) {
-    const std::lock_guard lock(mutex_);
-    const std::size_t count = known_[part].size();
-    const std::size_t first = next ? turns_[part]++ : turns_[part];
-    std::vector<std::size_t> order;
-    for (std::size_t i = 0; i < count; ++i) order.push_back((first + i) % count);
-    std::ranges::stable_sort(order, {}, [&, now = Clock::now()](std::size_t server) {
-      return known_[part][server].avoid_until > now;
-    });
-    return order;
-  }
+
+  // How long to wait for the call before another server is asked too.
   milliseconds Hedge(const Call& call) {
     const std::lock_guard lock(mutex_);
-    return known_[call.part][call.server].durations.Hedge();
+    auto sorted = known_[call.part][call.server].answered_in;
+    if (sorted.size() < kLeastAnswers) return kFirstHedge;
+    const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() * 95 / 100);
+    std::ranges::nth_element(sorted, at);
+    return std::max(kLeastHedge, *at);
   }
-  void Note(const Call& call, PeerOutcome outcome, bool slow) {
+
+  void Note(const Call& call, PeerOutcome outcome, bool is_slow = false) {
     const auto took = Clock::now() - call.began;
     on_request_(call.part, outcome, std::chrono::duration<double>(took).count());
     const std::lock_guard lock(mutex_);
     Known& known = known_[call.part][call.server];
     const bool answered = outcome == PeerOutcome::kAnswered;
-    const bool was_slow = outcome == PeerOutcome::kOvertaken && slow;  // and took longer still
-    if (answered || was_slow) known.durations.Add(duration_cast<milliseconds>(took));
+    if (answered || is_slow) {  // which takes longer still
+      known.answered_in.push_back(duration_cast<milliseconds>(took));
+      if (known.answered_in.size() > kAnswers) known.answered_in.pop_front();
+    }
     if (answered) known.avoid_until = {};
-    if (outcome == PeerOutcome::kFailed || was_slow) known.avoid_until = Clock::now() + kAvoidFor;
+    if (outcome == PeerOutcome::kFailed || is_slow) known.avoid_until = Clock::now() + kAvoidFor;
   }
-  std::unique_ptr<Call> Prepare(std::size_t part, std::size_t server, const std::string& path,
-                                milliseconds timeout) const;
 
-  const PeerLayout layout_;
-  const OnRequest on_request_;
+  const PeerLayout layout;
+
+ private:
+  struct Known {
+    std::deque<milliseconds> answered_in;  // the last ones, in either step
+    Clock::time_point avoid_until{};
+  };
+
+  const Peers::OnRequest on_request_;
+  const std::unique_ptr<curl_slist, decltype(&curl_slist_free_all)> headers_{
+      curl_slist_append(nullptr, "Content-Type: application/octet-stream"), curl_slist_free_all};
   std::mutex mutex_;                       // guards the rest
   std::vector<std::vector<Known>> known_;  // by part and server
-  std::vector<Multi> idle_;                // with their open connections
-  std::vector<std::size_t> turns_;         // by part: the server that is asked first
+  std::vector<std::unique_ptr<CURLM, decltype(&curl_multi_cleanup)>> idle_;
+  std::size_t turn_ = std::random_device()();  // who of a part is asked first
 };
 
-std::unique_ptr<Call> Peers::Servers::Prepare(std::size_t part, std::size_t server,
-                                              const std::string& path, milliseconds timeout) const {
-  auto call = std::make_unique<Call>();
-  CURL* const handle = call->handle.get();
-  Require(handle != nullptr);
-  call->part = part;
-  call->server = server;
-  const auto add = [&](const std::string& header) {
-    curl_slist* const longer = curl_slist_append(call->headers.get(), header.c_str());
-    Require(longer != nullptr);
-    (void)call->headers.release();
-    call->headers.reset(longer);
+namespace {
+
+// One step of one ranking, on the thread that waits for it.
+class Exchange {
+ public:
+  struct Turn {
+    std::size_t server = 0;
+    const std::string* message = nullptr;
   };
-  add("Content-Type: application/octet-stream");
-  add("Expect:");
-  if (!layout_.key.empty()) add("Authorization: Bearer " + layout_.key);
-  const auto ms = std::max<long>(1, static_cast<long>(timeout.count()));
-  add("X-Pliant-Timeout-Ms: " + std::to_string(ms));
-  curl_easy_setopt(handle, CURLOPT_URL, (layout_.parts[part][server] + path).c_str());
-  curl_easy_setopt(handle, CURLOPT_HTTPHEADER, call->headers.get());
-  curl_easy_setopt(handle, CURLOPT_TIMEOUT_MS, ms);
-  curl_easy_setopt(handle, CURLOPT_NOSIGNAL, 1L);
-  curl_easy_setopt(handle, CURLOPT_PROXY, "");
-  curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, OnBody);
-  curl_easy_setopt(handle, CURLOPT_WRITEDATA, &call->body);
-  return call;
-}
 
-Peers::Servers::Exchange::~Exchange() {
-  for (const auto& call : calls_) {
-    if (call) curl_multi_remove_handle(multi_.get(), call->handle.get());
+  explicit Exchange(PeerServers& servers)
+      : servers_(servers), multi_(servers.Borrow()), replies_(servers.layout.parts.size()) {}
+
+  void Add(std::size_t part, std::deque<Turn> turns) { parts_[part].turns = std::move(turns); }
+
+  PartServers::Replies Run(Clock::time_point until) {
+    for (auto now = Clock::now(); now < until && !parts_.empty(); now = Clock::now()) {
+      auto wake = until;
+      for (auto& [number, part] : parts_) {
+        const bool is_due = part.running.empty() || now >= part.hedge_at;
+        if (is_due && part.CanAsk()) AskNext(number, part, until - now);
+        if (part.CanAsk()) wake = std::min(wake, part.hedge_at);
+      }
+      Advance(multi_.get(), wake - now);
+      TakeFinished();  // before waiting again: nothing wakes for what is finished
+      std::erase_if(parts_, [](const auto& entry) {
+        return entry.second.running.empty() && entry.second.turns.empty();
+      });
+    }
+    for (const auto& [number, part] : parts_) {
+      for (const auto& call : part.running) servers_.Note(*call, PeerOutcome::kFailed);
+    }
+    return std::move(replies_);
   }
-  all_.GiveBack(std::move(multi_));
-}
 
-void Peers::Servers::Exchange::AddPart(std::size_t part, const Kept* kept) {
-  Waiting& waiting = waiting_[part];
-  const std::vector<std::size_t> order = all_.Order(part, /*next=*/kept == nullptr);
-  if (kept == nullptr) {
-    for (const std::size_t server : order) waiting.turns.push_back({server, {}});
-    return;
-  }
-  waiting.turns.push_back(*kept);
-  for (const std::size_t server : order) {
-    if (server != kept->server) waiting.turns.push_back({server, {}});
-  }
-  waiting.turns.push_back({kept->server, {}});  // it may have restarted without the votes
-}
+ private:
+  struct Part {  // without a reply
+    std::deque<Turn> turns;
+    std::vector<std::unique_ptr<Call>> running;
+    Clock::time_point hedge_at{};
 
-void Peers::Servers::Exchange::Start(std::size_t part,
-                                     const std::function<const std::string&()>& body,
-                                     const std::string& to_kept, Clock::time_point until) {
-  Waiting& waiting = waiting_.at(part);
-  const Kept& turn = waiting.turns[waiting.next++];
-  const bool is_kept = !turn.token.empty();
-  const auto now = Clock::now();
-  std::string path =
-      "/v1/peer/rank?part=" + std::to_string(part + 1) + "&parts=" + std::to_string(all_.parts());
-  if (is_kept) path += "&token=" + turn.token;
-  auto call = all_.Prepare(part, turn.server, path, duration_cast<milliseconds>(until - now));
-  const std::string& text = is_kept ? to_kept : body();
-  curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDSIZE_LARGE,
-                   static_cast<curl_off_t>(text.size()));
-  curl_easy_setopt(call->handle.get(), CURLOPT_POSTFIELDS, text.data());  // not copied
-  ++waiting.running;
-  waiting.hedge_at = now + all_.Hedge(*call);
-  Require(curl_multi_add_handle(multi_.get(), call->handle.get()) == CURLM_OK);
-  calls_.push_back(std::move(call));
-}
-
-// A server that works on the part need not begin again.
-bool Peers::Servers::Exchange::CanHedge(std::size_t part, const Waiting& waiting) const {
-  if (waiting.next == waiting.turns.size()) return false;
-  const std::size_t server = waiting.turns[waiting.next].server;
-  const auto works = [&](const auto& call) {
-    return call && call->part == part && call->server == server;
+    // A server that works on the part need not begin again.
+    bool CanAsk() const {
+      const auto works = [&](const auto& call) { return call->server == turns.front().server; };
+      return !turns.empty() && std::ranges::none_of(running, works);
+    }
   };
-  return std::ranges::none_of(calls_, works);
-}
 
-void Peers::Servers::Exchange::End(std::size_t i, PeerOutcome outcome, bool slow) {
-  curl_multi_remove_handle(multi_.get(), calls_[i]->handle.get());
-  all_.Note(*calls_[i], outcome, slow);
-  calls_[i].reset();
-}
-
-void Peers::Servers::Exchange::Answered(const Call& call, std::string body) {
-  const std::size_t part = call.part;
-  replies_[part] = Reply{std::move(body), false, call.server};
-  waiting_.erase(part);
-  for (std::size_t i = 0; i < calls_.size(); ++i) {
-    if (!calls_[i] || calls_[i]->part != part) continue;
-    const bool is_it = calls_[i].get() == &call;
-    const bool is_slower = !is_it && calls_[i]->began < call.began;
-    if (!is_it) End(i, PeerOutcome::kOvertaken, is_slower);
+  void AskNext(std::size_t number, Part& part, Clock::duration timeout) {
+    const auto ms = std::max(milliseconds(1), duration_cast<milliseconds>(timeout));
+    const std::string path = fmt::format("/v1/peer/rank?part={}&parts={}&timeout_ms={}", number + 1,
+                                         replies_.size(), ms.count());
+    const auto [server, message] = part.turns.front();
+    part.turns.pop_front();
+    part.running.push_back(servers_.Start(multi_.get(), number, server, path, ms, message));
+    part.hedge_at = Clock::now() + servers_.Hedge(*part.running.back());
   }
-}
 
-void Peers::Servers::Exchange::TakeFinished() {
-  int left = 0;
-  while (const CURLMsg* message = curl_multi_info_read(multi_.get(), &left)) {
-    if (message->msg != CURLMSG_DONE) continue;
-    const CURLcode code = message->data.result;  // the message goes with its handle
-    const auto found = std::ranges::find_if(calls_, [&](const auto& call) {
-      return call && call->handle.get() == message->easy_handle;
-    });
-    if (found == calls_.end()) continue;
-    Call& call = **found;
-    long status = 0;
-    curl_easy_getinfo(call.handle.get(), CURLINFO_RESPONSE_CODE, &status);
-    const bool answers = code == CURLE_OK && status == kOk;
-    const Refusal refusal = answers ? Refusal() : RefusalIn(call.body);
-    const bool has_changed = refusal.code == "part_changed";
-    const bool refuses = code == CURLE_OK && (has_changed || refusal.code == "part_elsewhere");
-    if (!answers && !has_changed) {
-      spdlog::warn("peer {} did not rank part {}: {}", all_.layout_.parts[call.part][call.server],
-                   call.part + 1,
-                   code != CURLE_OK         ? std::string(curl_easy_strerror(code))
-                   : refusal.detail.empty() ? "status " + std::to_string(status)
-                                            : refusal.detail);
-    }
-    if (answers) {
-      Answered(call, std::move(call.body));
-    } else if (const auto waiting = waiting_.find(call.part); waiting != waiting_.end()) {
-      --waiting->second.running;
-      waiting->second.refused |= has_changed;
-    }
-    End(static_cast<std::size_t>(found - calls_.begin()), answers   ? PeerOutcome::kAnswered
-                                                          : refuses ? PeerOutcome::kRefused
-                                                                    : PeerOutcome::kFailed);
-  }
-}
-
-std::vector<std::optional<PartServers::Reply>> Peers::Servers::Exchange::Run(
-    const std::function<const std::string&()>& body, const std::string& to_kept,
-    Clock::time_point until) {
-  while (true) {
-    int running = 0;
-    Require(curl_multi_perform(multi_.get(), &running) == CURLM_OK);
-    TakeFinished();  // before waiting: nothing wakes for what is finished
-    const auto now = Clock::now();
-    auto wake = until;
-    for (auto at = waiting_.begin(); at != waiting_.end();) {
-      const auto [number, part] = std::tie(at->first, at->second);
-      if (part.running == 0 && part.next == part.turns.size()) {  // nobody is left
-        if (part.refused) replies_[number] = Reply{{}, true, 0};
-        at = waiting_.erase(at);
-        continue;
+  void TakeFinished() {
+    int left = 0;
+    while (const CURLMsg* message = curl_multi_info_read(multi_.get(), &left)) {
+      const CURLcode result = message->data.result;  // the message goes with its handle
+      Call* call = nullptr;
+      long status = 0;
+      curl_easy_getinfo(message->easy_handle, CURLINFO_PRIVATE, &call);
+      curl_easy_getinfo(message->easy_handle, CURLINFO_RESPONSE_CODE, &status);
+      if (result == CURLE_OK && status == 200) {
+        TakeAnswer(*call);
+      } else {
+        TakeFailure(*call, result, status);
       }
-      const bool can_hedge = CanHedge(number, part);
-      if (now < until && (part.running == 0 || (can_hedge && now >= part.hedge_at))) {
-        Start(number, body, to_kept, until);
-      }
-      if (CanHedge(number, part)) wake = std::min(wake, part.hedge_at);
-      ++at;
     }
-    if (waiting_.empty() || now >= until) break;
-    const auto wait = duration_cast<milliseconds>(wake - now) + milliseconds(1);
-    Require(curl_multi_poll(multi_.get(), nullptr, 0, static_cast<int>(wait.count()), nullptr) ==
-            CURLM_OK);
   }
-  for (std::size_t i = 0; i < calls_.size(); ++i) {
-    if (calls_[i]) End(i, PeerOutcome::kFailed);
-  }
-  return std::move(replies_);
-}
 
-std::vector<PeerState> Peers::Servers::States() {
-  std::vector<PeerState> states;
-  std::vector<std::unique_ptr<Call>> calls;
-  Multi multi = Borrow();
-  for (std::size_t part = 0; part < layout_.parts.size(); ++part) {
-    for (std::size_t server = 0; server < layout_.parts[part].size(); ++server) {
-      calls.push_back(Prepare(part, server, "/v1/peer", kStateTimeout));
-      states.push_back({static_cast<int>(part) + 1, static_cast<int>(server) + 1});
-      Require(curl_multi_add_handle(multi.get(), calls.back()->handle.get()) == CURLM_OK);
+  void TakeAnswer(Call& answered) {
+    for (const auto& call : parts_.at(answered.part).running) {
+      const bool is_it = call.get() == &answered;
+      servers_.Note(*call, is_it ? PeerOutcome::kAnswered : PeerOutcome::kOvertaken,
+                    /*is_slow=*/call->began < answered.began);
     }
+    replies_[answered.part] = {std::move(answered.body), answered.server};
+    parts_.erase(answered.part);
   }
-  int running = 1;
-  while (running > 0 && curl_multi_perform(multi.get(), &running) == CURLM_OK && running > 0) {
-    curl_multi_poll(multi.get(), nullptr, 0, static_cast<int>(kStateTimeout.count()), nullptr);
-  }
-  for (std::size_t i = 0; i < calls.size(); ++i) {
-    long status = 0;
-    curl_easy_getinfo(calls[i]->handle.get(), CURLINFO_RESPONSE_CODE, &status);
-    curl_multi_remove_handle(multi.get(), calls[i]->handle.get());
-    if (status != kOk) continue;
+
+  void TakeFailure(const Call& failed, CURLcode result, long status) {
+    std::string code;
+    std::string why;
     try {
-      const auto json = nlohmann::json::parse(calls[i]->body);
-      states[i].followed = json.at("followed");
-      states[i].database = json.at("database");
-      states[i].answers = json.at("part") == states[i].part && json.at("parts") == parts();
-    } catch (const nlohmann::json::exception&) {
-      continue;  // it is no server of Pliant
+      const auto problem = nlohmann::json::parse(failed.body);
+      code = problem.at("code");
+      why = Shown(problem.at("detail").get<std::string>());
+    } catch (const nlohmann::json::exception&) {  // no answer, or not of a server of Pliant
+      why = result == CURLE_OK ? fmt::format("status {}", status) : curl_easy_strerror(result);
+    }
+    if (code != "part_changed") {
+      spdlog::warn("peer {} did not rank part {}: {}",
+                   servers_.layout.parts[failed.part][failed.server], failed.part + 1, why);
+    }
+    const bool refuses = code == "part_changed" || code == "part_elsewhere";
+    servers_.Note(failed, refuses ? PeerOutcome::kRefused : PeerOutcome::kFailed);
+    std::erase_if(parts_.at(failed.part).running,
+                  [&](const auto& call) { return call.get() == &failed; });
+  }
+
+  PeerServers& servers_;
+  const std::shared_ptr<CURLM> multi_;
+  std::map<std::size_t, Part> parts_;
+  PartServers::Replies replies_;
+};
+
+}  // namespace
+
+PartServers::Replies PeerServers::Ask(const std::string& whole, const std::string& to_kept,
+                                      const Replies& first, Clock::time_point until) {
+  Exchange exchange(*this);
+  std::unique_lock lock(mutex_);
+  if (first.empty()) ++turn_;
+  for (std::size_t part = 0; part < known_.size(); ++part) {
+    const std::vector<Known>& known = known_[part];
+    std::size_t keeps = known.size();  // nobody
+    if (!first.empty()) {
+      const std::optional<Reply>& reply = first[part];
+      if (!reply) continue;
+      keeps = reply->server;
+    }
+    std::deque<Exchange::Turn> turns;
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      turns.push_back({(turn_ + i) % known.size(), &whole});
+    }
+    // Who keeps the votes is the last to begin again: it may have restarted without them.
+    std::ranges::stable_sort(turns, {}, [&, now = Clock::now()](const Exchange::Turn& turn) {
+      return std::pair(turn.server == keeps, known[turn.server].avoid_until > now);
+    });
+    if (!first.empty()) turns.push_front({keeps, &to_kept});
+    exchange.Add(part, std::move(turns));
+  }
+  lock.unlock();
+  return exchange.Run(until);
+}
+
+std::vector<PeerState> PeerServers::States() {
+  std::vector<PeerState> states;
+  const std::shared_ptr<CURLM> multi = Borrow();
+  std::vector<std::unique_ptr<Call>> calls;
+  for (std::size_t part = 0; part < layout.parts.size(); ++part) {
+    for (std::size_t server = 0; server < layout.parts[part].size(); ++server) {
+      calls.push_back(Start(multi.get(), part, server, "/v1/peer", kStateTimeout));
     }
   }
-  GiveBack(std::move(multi));
+  while (Advance(multi.get(), kStateTimeout) > 0) continue;
+  for (const auto& call : calls) {
+    PeerState& state =
+        states.emplace_back(static_cast<int>(call->part) + 1, static_cast<int>(call->server) + 1);
+    try {
+      const auto json = nlohmann::json::parse(call->body);
+      state.followed = json.at("followed");
+      state.database = json.at("database");
+      state.answers = json.at("part") == state.part && json.at("parts") == layout.parts.size();
+    } catch (const nlohmann::json::exception&) {
+      continue;  // it did not answer, or is no server of Pliant
+    }
+  }
   return states;
 }
 
 Peers::Peers(std::filesystem::path file, OnRequest on_request)
-    : file_(std::move(file)),
-      on_request_(std::move(on_request)),
-      current_(std::make_shared<Servers>(ReadPeerLayout(file_), on_request_)) {
-  static const CURLcode once = curl_global_init(CURL_GLOBAL_DEFAULT);
-  Require(once == CURLE_OK);
-  watcher_ = std::jthread([this](const std::stop_token& stop) { Watch(stop); });
+    : file_(std::move(file)), on_request_(std::move(on_request)) {
+  Require(curl_global_init(CURL_GLOBAL_DEFAULT) == CURLE_OK);
+  current_ = std::make_shared<PeerServers>(ReadPeerLayout(file_), on_request_);
+  watcher_ = std::jthread([this](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      std::vector<PeerState> states = CurrentServers()->States();
+      std::unique_lock lock(mutex_);
+      states_ = std::move(states);
+      stopped_.wait_for(lock, stop, kAskStatesEvery, [] { return false; });
+    }
+  });
 }
 
 std::shared_ptr<PartServers> Peers::Current() { return CurrentServers(); }
 
-std::shared_ptr<Peers::Servers> Peers::CurrentServers() {
+std::shared_ptr<PeerServers> Peers::CurrentServers() {
   const std::lock_guard lock(mutex_);
   std::error_code missing;  // then the time is the least one
   const auto written = std::filesystem::last_write_time(file_, missing);
@@ -445,9 +401,9 @@ std::shared_ptr<Peers::Servers> Peers::CurrentServers() {
   read_at_ = written;
   try {
     PeerLayout layout = ReadPeerLayout(file_);
-    if (layout != current_->layout()) {
+    if (layout != current_->layout) {
       spdlog::info("searches now ask the {} parts of {}", layout.parts.size(), file_.string());
-      current_ = std::make_shared<Servers>(std::move(layout), on_request_);
+      current_ = std::make_shared<PeerServers>(std::move(layout), on_request_);
     }
   } catch (const Error& failure) {
     spdlog::error("{}; the servers stay as they were", failure.what());
@@ -458,15 +414,6 @@ std::shared_ptr<Peers::Servers> Peers::CurrentServers() {
 std::vector<PeerState> Peers::states() const {
   const std::lock_guard lock(mutex_);
   return states_;
-}
-
-void Peers::Watch(const std::stop_token& stop) {
-  while (!stop.stop_requested()) {
-    std::vector<PeerState> states = CurrentServers()->States();
-    std::unique_lock lock(mutex_);
-    states_ = std::move(states);
-    stopped_.wait_for(lock, stop, kAskStatesEvery, [] { return false; });
-  }
 }
 
 }  // namespace pliant::server

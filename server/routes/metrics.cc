@@ -236,7 +236,8 @@ void Metrics::OnDecoderEnded(DecoderEnded::Cause cause) {
 
 void Metrics::OnPeer(std::size_t part, PeerOutcome outcome, double seconds) {
   const std::string number = std::to_string(part + 1);
-  impl_->part_requests.Add({{"part", number}, {"outcome", PeerOutcomeName(outcome)}}).Increment();
+  const char* const name = kPeerOutcomeNames[static_cast<int>(outcome)];
+  impl_->part_requests.Add({{"part", number}, {"outcome", name}}).Increment();
   if (outcome != PeerOutcome::kAnswered) return;
   impl_->part_seconds.Add({{"part", number}}, kSeconds).Observe(seconds);
 }

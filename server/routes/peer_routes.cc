@@ -6,19 +6,15 @@
 #include <chrono>
 #include <memory>
 
-#include "descriptor/base/strings.h"
 #include "server/routes/answers.h"
 #include "server/routes/routes.h"
 
 namespace pliant::server {
 namespace {
 
-constexpr std::chrono::milliseconds kDefaultTimeout{5000};
-
 Response Rank(Service& service, const Request& request, const Parameters& parameters) {
-  const auto timeout = NumberOf<int>(request.header("X-Pliant-Timeout-Ms"));
   const auto until = std::chrono::steady_clock::now() +
-                     (timeout ? std::chrono::milliseconds(*timeout) : kDefaultTimeout);
+                     std::chrono::milliseconds(parameters.Value<int>("timeout_ms"));
   // As many threads serve other servers as there are cores: those share what is left.
   const int shared_by = ++service.parts_ranking;
   const auto end = [&service](void*) { --service.parts_ranking; };
@@ -26,8 +22,7 @@ Response Rank(Service& service, const Request& request, const Parameters& parame
   return {.content_type = kFileType,
           .body = service.engine().RankPart(
               {.part = parameters.Value<int>("part"), .parts = parameters.Value<int>("parts")},
-              parameters.Text("token").value_or(""), request.body,
-              std::max(1, service.pool.cores() / shared_by), until)};
+              request.body, std::max(1, service.pool.cores() / shared_by), until)};
 }
 
 Response State(Service& service, const Request&, const Parameters&) {
@@ -41,19 +36,15 @@ Response State(Service& service, const Request&, const Parameters&) {
 }  // namespace
 
 void AddPeerRoutes(RouteTable& table) {
-  table.Add("GET /v1/peer", "peer.get", State)
-      .Summary("Say which part of the index this server holds")
-      .Needs(Scope::kPeer)
-      .Answers(200, "the part", "Status");
+  table.Add("GET /v1/peer", "peer.get", State).Needs(Scope::kPeer);
   table.Add("POST /v1/peer/rank", "peer.rank", Rank)
-      .Summary("Rank the images of a part of the index")
       .Needs(Scope::kPeer)
       .Body(BodyKind::kFile)
       .Takes({Parameter("part", "of the index").Integer(1, kMostParts).Required(),
               Parameter("parts", "that the index has").Integer(1, kMostParts).Required(),
-              Parameter("token", "of the first step")})
-      .Sends(kFileType, "a message")
-      .Codes({"part_elsewhere", "part_changed"});
+              Parameter("timeout_ms", "after which the answer is not needed any more")
+                  .Integer(1, 600'000)
+                  .Default("5000")});
 }
 
 }  // namespace pliant::server

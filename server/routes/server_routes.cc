@@ -56,12 +56,11 @@ Response Ready(Service& service, const Request&, const Parameters&) {
     json["parts"] = Json::array();
     for (const PeerState& peer : service.peers()->states()) {
       const bool answers = peer.answers && peer.database == service.engine().database();
-      json["parts"].push_back(
-          {{"part", peer.part},
-           {"server", peer.server},
-           {"answers", answers},
-           {"behind",
-            answers ? Json(std::max<std::int64_t>(0, followed - peer.followed)) : Json(nullptr)}});
+      const auto behind = std::max<std::int64_t>(0, followed - peer.followed);
+      json["parts"].push_back({{"part", peer.part},
+                               {"server", peer.server},
+                               {"answers", answers},
+                               {"behind", answers ? Json(behind) : Json(nullptr)}});
     }
   }
   return JsonResponse(json);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/routes/service.h"
 
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -60,10 +61,7 @@ void Service::Open() {
   engine_options.loading = [this](double share) { loaded_ = share; };
   engine_options.warn = [](const std::string& failure) { spdlog::error("{}", failure); };
   if (!options.peers.empty()) {
-    peers_ = std::make_unique<Peers>(options.peers,
-                                     [this](std::size_t part, PeerOutcome outcome, double seconds) {
-                                       metrics.OnPeer(part, outcome, seconds);
-                                     });
+    peers_ = std::make_unique<Peers>(options.peers, std::bind_front(&Metrics::OnPeer, &metrics));
     engine_options.part_servers = [this] { return peers_->Current(); };
   }
   engine_ = std::make_unique<Engine>(engine_options);

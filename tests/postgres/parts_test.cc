@@ -23,23 +23,22 @@ class Engines : public PartServers {
   void Hold(std::size_t part, std::shared_ptr<Engine> engine) {
     engines_[part].push_back(std::move(engine));
   }
-  int parts() const override { return static_cast<int>(engines_.size()); }
   std::chrono::milliseconds timeout() const override { return std::chrono::seconds(20); }
 
-  std::vector<std::optional<Reply>> Ask(const std::function<const std::string&()>& body,
-                                        std::span<const Kept> kept, const std::string& to_kept,
-                                        Clock::time_point) override {
-    if (!kept.empty() && between_steps) between_steps();
-    if (std::exchange(is_late, false)) return std::vector<std::optional<Reply>>(engines_.size());
-    std::vector<std::optional<Reply>> replies(engines_.size());
+  Replies Ask(const std::string& whole, const std::string& to_kept, const Replies& first,
+              Clock::time_point) override {
+    const bool is_second = !first.empty();
+    if (is_second && between_steps) between_steps();
+    if (std::exchange(is_late, false)) return Replies(engines_.size());
+    last_whole = whole;
+    if (is_second) last_to_kept = to_kept;
+    Replies replies(engines_.size());
     for (std::size_t part = 0; part < engines_.size(); ++part) {
-      if (missing.contains(part)) continue;
-      if (!kept.empty() && kept[part].token.empty()) continue;
-      const std::size_t count = engines_[part].size();
-      const bool asks_kept = !kept.empty() && random_() % 2 == 0;
-      const std::size_t server = asks_kept ? kept[part].server : random_() % count;
-      replies[part] =
-          AskOne(part, server, asks_kept ? kept[part].token : "", asks_kept ? to_kept : body());
+      if (missing.contains(part) || (is_second && !first[part])) continue;
+      const bool asks_kept = is_second && random_() % 2 == 0;
+      const std::size_t server =
+          asks_kept ? first[part]->server : random_() % engines_[part].size();
+      replies[part] = AskOne(part, server, asks_kept ? to_kept : whole);
     }
     return replies;
   }
@@ -48,20 +47,19 @@ class Engines : public PartServers {
   bool is_late = false;           // all parts, the next time
   std::function<void()> between_steps;
   int refused = 0;
-  std::string last;  // message of a whole query
+  std::string last_whole;  // messages
+  std::string last_to_kept;
 
  private:
-  Reply AskOne(std::size_t part, std::size_t server, const std::string& token,
-               const std::string& message) {
-    if (token.empty()) last = message;
+  std::optional<Reply> AskOne(std::size_t part, std::size_t server, const std::string& message) {
     try {
-      return {engines_[part][server]->RankPart({static_cast<int>(part) + 1, parts()}, token,
-                                               message, 1, Clock::now() + timeout()),
-              false, server};
+      const IndexShare share = {static_cast<int>(part) + 1, static_cast<int>(engines_.size())};
+      return Reply{engines_[part][server]->RankPart(share, message, 1, Clock::now() + timeout()),
+                   server};
     } catch (const Error& error) {
       EXPECT_EQ(error.reason(), "part_changed");
       ++refused;
-      return {{}, true, server};
+      return std::nullopt;
     }
   }
 
@@ -194,16 +192,16 @@ TEST_P(PartsTest, APartWithoutServerIsAnErrorUnlessTheSearchIsPartial) {
 }
 
 TEST_P(PartsTest, SearchesGoOnWhileAVocabularyIsSwitched) {
-  const SearchResult before = asks_->Search(RandomPng(3), ByImage());
-  const std::string asked_before = servers_->last;
+  asks_->Search(RandomPng(3), ByImage());
+  const std::string asked_before = servers_->last_whole;
   whole_->UseVocabulary("default", Train(*whole_, 60).id);
-  const SearchResult after = asks_->Search(RandomPng(3), ByImage());
+  EXPECT_EQ(Ids(asks_->Search(RandomPng(3), ByImage())).at(0), "p3");
   // A server that has not switched asks one that has.
-  EXPECT_NO_THROW(asks_->RankPart({1, GetParam()}, "", asked_before, 1, Later()));
+  EXPECT_NO_THROW(asks_->RankPart({1, GetParam()}, asked_before, 1, Later()));
   // A server that has switched asks some that have not.
   servers_->is_late = true;
-  ExpectSame(before, asks_->Search(RandomPng(3), ByImage()));
-  ExpectSame(after, asks_->Search(RandomPng(3), ByImage()));
+  EXPECT_EQ(Ids(asks_->Search(RandomPng(3), ByImage())).at(0), "p3");
+  EXPECT_FALSE(servers_->is_late);
 }
 
 TEST_P(PartsTest, AServerOfAnotherDatabaseDoesNotAnswer) {
@@ -216,22 +214,31 @@ TEST_P(PartsTest, AServerOfAnotherDatabaseDoesNotAnswer) {
   Train(other, 100);
   asks_->Search(RandomPng(3), ByImage());
   ExpectError(ErrorCode::kNotFound, "part_elsewhere",
-              [&] { other.RankPart(options.share, "", servers_->last, 1, Later()); });
+              [&] { other.RankPart(options.share, servers_->last_whole, 1, Later()); });
 }
 
 TEST_P(PartsTest, MessagesThatAreNotThoseOfAServerAreRefused) {
   asks_->Search(RandomPng(3), ByImage());
-  const std::string valid = servers_->last;
-  const auto ask = [&](int parts, const std::string& token, const std::string& message,
+  const std::string valid = servers_->last_whole;
+  const auto ask = [&](int parts, const std::string& message,
                        PartServers::Clock::time_point until) {
-    return [=, this] { asks_->RankPart({1, parts}, token, message, 1, until); };
+    return [=, this] { asks_->RankPart({1, parts}, message, 1, until); };
   };
   const int parts = GetParam();
-  const std::string nested(5'000'000, '\x91');
-  ExpectError(ErrorCode::kNotFound, "part_elsewhere", ask(7, "", valid, Later()));
-  ExpectError(ErrorCode::kNotFound, "part_elsewhere", ask(parts, "unknown", valid, Later()));
-  ExpectError(ErrorCode::kInvalidArgument, "peer_message_invalid", ask(parts, "", nested, Later()));
-  ExpectError(ErrorCode::kUnavailable, "busy", ask(parts, "", valid, {}));
+  const std::string large(5'000'000, '\xff');
+  ExpectError(ErrorCode::kNotFound, "part_elsewhere", ask(7, valid, Later()));
+  for (int i = 0; i < 2; ++i) {  // the votes are used once, at most
+    try {
+      ask(parts, servers_->last_to_kept, Later())();
+      EXPECT_EQ(i, 0);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.reason(), "part_elsewhere");
+    }
+  }
+  for (const std::string& message : {std::string(), large, valid.substr(0, 4) + large}) {
+    ExpectError(ErrorCode::kInvalidArgument, "peer_message_invalid", ask(parts, message, Later()));
+  }
+  ExpectError(ErrorCode::kUnavailable, "busy", ask(parts, valid, {}));
   std::mt19937_64 random(9);
   for (int i = 0; i < 2000; ++i) {
     std::string broken = valid;
@@ -247,7 +254,7 @@ TEST_P(PartsTest, MessagesThatAreNotThoseOfAServerAreRefused) {
         broken.insert(at, 1, static_cast<char>(random()));
     }
     try {
-      asks_->RankPart({1, GetParam()}, "", broken, 1, Later());
+      asks_->RankPart({1, GetParam()}, broken, 1, Later());
     } catch (const Error& error) {
       EXPECT_THAT(error.reason(), ::testing::AnyOf("peer_message_invalid", "part_elsewhere",
                                                    "part_changed", "collection_not_found"));

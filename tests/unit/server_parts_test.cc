@@ -15,7 +15,6 @@
 #include "server/http/http_server.h"
 #include "server/http/parameters.h"
 #include "server/http/problem.h"
-#include "server/peers/peer_layout.h"
 #include "server/peers/peers.h"
 #include "tests/unit/expect_error.h"
 #include "tests/unit/index_test_images.h"
@@ -101,10 +100,9 @@ class PeersTest : public PeerLayoutTest {
     address_ = "http://127.0.0.1:" + std::to_string(server_->port());
   }
   // Of one step that asks all parts.
-  std::vector<std::optional<PartServers::Reply>> Ask(Peers& peers,
-                                                     PartServers::Clock::time_point until) {
+  PartServers::Replies Ask(Peers& peers, PartServers::Clock::time_point until) {
     const std::string body = "query";
-    return peers.Current()->Ask([&]() -> const std::string& { return body; }, {}, {}, until);
+    return peers.Current()->Ask(body, {}, {}, until);
   }
   static PartServers::Clock::time_point Later() {
     return PartServers::Clock::now() + std::chrono::seconds(30);
@@ -117,27 +115,28 @@ class PeersTest : public PeerLayoutTest {
     };
   }
 
-  const Router router_{{{.name = "rank",
-                         .method = "POST",
-                         .pattern = "/v1/peer/rank",
-                         .parameters = {Parameter("part", ""), Parameter("parts", "")},
-                         .handler =
-                             [](const Request&, const Parameters& parameters) {
-                               if (parameters.Text("part") == "3") {
-                                 throw ProblemError("part_elsewhere", "Another part is here.");
-                               }
-                               Response answer;
-                               answer.body = "votes";
-                               return answer;
-                             }},
-                        {.name = "state",
-                         .method = "GET",
-                         .pattern = "/v1/peer",
-                         .handler = State(R"({"part":1,"parts":2,"followed":7,"database":"d"})")},
-                        {.name = "stranger",
-                         .method = "GET",
-                         .pattern = "/other/v1/peer",
-                         .handler = State(R"({"part":"two","parts":null})")}}};
+  const Router router_{
+      {{.name = "rank",
+        .method = "POST",
+        .pattern = "/v1/peer/rank",
+        .parameters = {Parameter("part", ""), Parameter("parts", ""), Parameter("timeout_ms", "")},
+        .handler =
+            [](const Request&, const Parameters& parameters) {
+              if (parameters.Text("part") == "3") {
+                throw ProblemError("part_elsewhere", "Another part is here.");
+              }
+              Response answer;
+              answer.body = "votes";
+              return answer;
+            }},
+       {.name = "state",
+        .method = "GET",
+        .pattern = "/v1/peer",
+        .handler = State(R"({"part":1,"parts":2,"followed":7,"database":"d"})")},
+       {.name = "stranger",
+        .method = "GET",
+        .pattern = "/other/v1/peer",
+        .handler = State(R"({"part":"two","parts":null})")}}};
   std::optional<HttpServer> server_;
   std::string address_;
 };
@@ -173,7 +172,7 @@ TEST_F(PeersTest, AFileThatWentAwayIsLoggedOnce) {
   peers.Current();
   ::testing::internal::CaptureStdout();
   std::filesystem::remove(file);
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(peers.Current()->parts(), 1);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(Ask(peers, Later()).size(), 1U);
   const std::string log = ::testing::internal::GetCapturedStdout();
   const auto at = log.find("cannot be read; the servers stay as they were");
   EXPECT_NE(at, std::string::npos);
