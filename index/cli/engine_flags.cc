@@ -17,7 +17,6 @@ void AddDatabaseFlag(CLI::App& app, EngineOptions& engine) {
 }
 
 Engine OpenExisting(EngineOptions options, bool read_only, bool with_index) {
-  options.descriptor.clear();
   options.create = false;
   options.load_descriptor = false;
   options.load_index = with_index;
@@ -71,19 +70,15 @@ void AddSeedFlag(CLI::App& app, std::uint64_t& seed, const std::string& help) {
   app.add_option("--seed", seed, help)->check(AtLeast(0));
 }
 
-void AddExtractionFlags(CLI::App& app, EngineOptions& engine, ValuesFrom from) {
+void AddExtractionFlags(CLI::App& app, EngineOptions& engine, bool of_database) {
   const EngineOptions defaults;
-  engine.descriptor.clear();
-  const bool here = from == ValuesFrom::kHere;
   const auto with_default = [&](const std::string& help, const std::string& value) {
-    if (from == ValuesFrom::kDatabase)
-      return help + " (must be, and by default is, the database's)";
-    return help +
-           " (default: " + (here ? value : "the database's, or " + value + " for a new one") + ")";
+    return help + " (default: " +
+           (of_database ? "the database's, or " + value + " for a new one" : value) + ")";
   };
   app.add_option(
          "--descriptor", engine.descriptor,
-         with_default("the descriptor: " + Join(DescriptorNames(), ", "), defaults.descriptor))
+         with_default("the descriptor: " + Join(DescriptorNames(), ", "), kDefaultDescriptor))
       ->check(OneOf(DescriptorNames()))
       ->type_name("NAME");
   AddModelFlag(app, engine.descriptor_options.model_path);
@@ -93,9 +88,10 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine, ValuesFrom from) {
   };
   app.add_option_function<int>(
          "--max-keypoints", keypoints,
-         with_default(here ? "keypoints per image, strongest first"
-                           : "keypoints per indexed image, strongest first; a query has twice as "
-                             "many",
+         with_default(of_database
+                          ? "keypoints per indexed image, strongest first; a query has twice as "
+                            "many"
+                          : "keypoints per image, strongest first",
                       std::to_string(defaults.extraction.keypoints.max_keypoints)))
       ->check(Between(1, 4096));
   const auto side = [&engine](int value) {
@@ -110,7 +106,7 @@ void AddExtractionFlags(CLI::App& app, EngineOptions& engine, ValuesFrom from) {
 }
 
 std::string DescriptorName(const EngineOptions& engine) {
-  return engine.descriptor.empty() ? EngineOptions{}.descriptor : engine.descriptor;
+  return engine.descriptor.empty() ? kDefaultDescriptor : engine.descriptor;
 }
 
 std::shared_ptr<const Descriptor> NamedDescriptor(const EngineOptions& engine) {

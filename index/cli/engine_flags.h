@@ -41,10 +41,9 @@ void AddSeedFlag(CLI::App& app, std::uint64_t& seed, const std::string& help);
 // The ratio test of matching.
 void AddRatioFlag(CLI::App& app, const std::string& name, float& ratio);
 
-// Where the values of AddExtractionFlags come from if they are not given, for the help.
-enum class ValuesFrom { kHere, kDatabase, kNewDatabase };
 // --descriptor NAME, --model FILE, --max-keypoints N, --max-side PX: how images are described.
-void AddExtractionFlags(CLI::App& app, EngineOptions& engine, ValuesFrom from = ValuesFrom::kHere);
+// `of_database`: by default as the database's other images.
+void AddExtractionFlags(CLI::App& app, EngineOptions& engine, bool of_database = false);
 // The descriptor that they name.
 std::string DescriptorName(const EngineOptions& engine);
 std::shared_ptr<const Descriptor> NamedDescriptor(const EngineOptions& engine);

@@ -160,7 +160,7 @@ void AddIndexCommand(CLI::App& program, ExitStatus& status) {
       "store the image files in this directory, or in the `database` (default: keep the "
       "current location)")
       ->type_name("DIR|database");
-  AddExtractionFlags(*app, options->engine, ValuesFrom::kNewDatabase);
+  AddExtractionFlags(*app, options->engine, /*of_database=*/true);
   AddJsonFlag(*app, options->json);
   app->footer(
       "Example:  pliant index shirts/ --db my.db         one folder per object\n"

@@ -397,7 +397,7 @@ void AddQueryCommand(CLI::App& program, ExitStatus& status) {
       "and, or, not");
   app->add_option("--min-score", search.min_score, "drop hits below this score, 0 to 1")
       ->check(Within(0, 1));
-  AddExtractionFlags(*app, options->engine, ValuesFrom::kDatabase);
+  AddModelFlag(*app, options->engine.descriptor_options.model_path);
   app->add_flag("--explain", search.explain,
                 "explain every hit: its score, the matches and the warp of its surface");
   app->add_option(

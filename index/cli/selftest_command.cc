@@ -89,7 +89,6 @@ void PrintText(const Json& report, double found_from) {
 ExitStatus Run(Options& options) {
   const Interrupt interrupt;
   options.engine.create = false;
-  options.engine.descriptor.clear();  // the database's own
   options.engine.read_only = !options.calibrate;
   options.test.stop = interrupt.token();
   Engine engine(options.engine);

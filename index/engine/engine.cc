@@ -54,7 +54,7 @@ EngineCore::EngineCore(EngineOptions options) : options_(std::move(options)) {
   opening.busy_timeout_ms = options_.busy_timeout_ms;
   opening.reserve_bytes = options_.reserve_bytes;
   opening.model_of_new = [this] {
-    options_.custom_descriptor = MakeDescriptorFor(options_, {"deal", {}, 0, {}});
+    options_.custom_descriptor = MakeDescriptorFor(options_, {kDefaultDescriptor, {}, 0, {}});
     return options_.custom_descriptor->info();
   };
   store_ = OpenStore(opening);

@@ -37,11 +37,13 @@ inline ExtractionOptions IndexExtraction() {
   return extraction;
 }
 
+inline constexpr const char* kDefaultDescriptor = "deal";
+
 struct EngineOptions {
   std::filesystem::path database;
   // Descriptor of a NEW database. An existing database must have the same model (Error kConflict
-  // "model_mismatch" names both). Empty: the database's own; "deal" for a new database.
-  std::string descriptor = "deal";
+  // "model_mismatch" names both). Empty: the database's own; kDefaultDescriptor for a new database.
+  std::string descriptor;
   DescriptorOptions descriptor_options;
   ExtractionOptions extraction = IndexExtraction();
   // Keypoints of an indexed image, and longer side in pixels. They are properties of the database,

@@ -150,7 +150,6 @@ void Define(CLI::App& app, Options& options, std::function<int()>& command) {
 
 int RunKeysCommand(int argc, const char* const* argv) {
   Options options;
-  options.engine.descriptor.clear();
   std::function<int()> command;
   CLI::App app("API keys of a database", "pliant-server keys");
   app.formatter(std::make_shared<cli::HelpFormatter>());

@@ -71,6 +71,7 @@ TEST_F(CliTest, HelpAndVersionAndWrongUsage) {
                                              {"query", "x", "--db", "x", "--rank", "best"},
                                              {"query", "x", "--db", "x", "--top", "-1"},
                                              {"query", "x", "--db", "x", "--region", "1,2,3"},
+                                             {"query", "x", "--db", "x", "--max-keypoints", "9"},
                                              {"index", ".", "--db", "x", "--max-keypoints", "0"},
                                              {"index", ".", "--db", "x", "--object-from", "me"},
                                              {"vocab", "--db", "x"},

@@ -33,7 +33,6 @@ class EngineOriginalsTest : public ::testing::Test {
   EngineOptions Looking(const std::filesystem::path& database) {
     EngineOptions options;
     options.database = database;
-    options.descriptor.clear();
     options.create = false;
     options.load_descriptor = false;
     options.load_index = false;
