@@ -246,7 +246,7 @@ ResidualCoder::ResidualCoder(std::shared_ptr<const Vocabulary> vocabulary)
     const Matrix rotated =
         some * AsMatrix(rotation_, static_cast<std::size_t>(words.dim)).transpose() / unit_;
     for (Eigen::Index i = 0; i < rows; ++i) {
-      std::int16_t* word = const_cast<std::int16_t*>(Word(first + static_cast<std::size_t>(i)));
+      std::int16_t* word = words_.data() + (first + static_cast<std::size_t>(i)) * tables_.outputs;
       for (std::size_t r = 0; r < book.padded_dim(); ++r) {
         word[Output(r)] = ToFixed(rotated(i, static_cast<Eigen::Index>(r)));
       }

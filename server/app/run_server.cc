@@ -209,7 +209,7 @@ int StopServing(HttpServer& http, Service& service, const ServerOptions& options
 
 void PrintDecoderProtection(const ServerOptions& options) {
   std::string text = "are decoded in the server";
-  if (const auto decoder = MakeDecoderOptions(options)) {
+  if (const auto decoder = MakeServiceOptions(options).decoder) {
     try {
       const DecoderPool pool(*decoder);
       text = "are decoded in child processes with limits on memory and time, and ";
@@ -230,11 +230,11 @@ int RunServer(const ServerOptions& options) {
   StartLog(options);
   try {
     CheckOptions(options);
-    AllowConnections(options.max_connections);
+    AllowConnections(options.http.max_connections);
     // Before anything writes to the database.
-    RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.database); });
+    RunUnlessStopped(signals, [&] { CheckDatabaseFile(options.service.engine.database); });
     HttpOptions http_options = MakeHttpOptions(options);
-    KeyRing keys(options.database);
+    KeyRing keys(options.service.engine.database);
     CheckExposure(options, keys.InUse());
     Gate gate(keys, options.rate_limit, options.rate_burst, OpenWithoutKeys(options));
     Service service(MakeServiceOptions(options));

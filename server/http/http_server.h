@@ -32,12 +32,12 @@ struct RequestRecord {
 
 struct HttpOptions {
   std::string host = "127.0.0.1";
-  int port = 8080;                  // 0 = any free one
-  int threads = 64;                 // requests served at once
-  int peer_threads = 1;             // for requests of other servers of the same database
-  int connection_queue = 256;       // requests that wait for a thread; more get 503
-  int max_connections = 2048;       // open at once; more get 503
-  int connections_per_address = 0;  // likewise; 0 = no limit
+  int port = 8080;                    // 0 = any free one
+  int threads = 64;                   // requests served at once
+  int peer_threads = 1;               // for requests of other servers of the same database
+  int connection_queue = 256;         // requests that wait for a thread; more get 503
+  int max_connections = 2048;         // open at once; more get 503
+  int connections_per_address = 512;  // likewise; 0 = no limit
   // Bodies of requests, and what clients have not yet taken of answers, over all connections.
   std::size_t max_inflight_bytes = std::size_t{512} * 1024 * 1024;
   std::chrono::milliseconds idle_timeout{5'000};      // between requests

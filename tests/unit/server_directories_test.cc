@@ -19,8 +19,8 @@ namespace fs = std::filesystem;
 
 std::string Refusal(const fs::path& database, const fs::path& backups) {
   ServerOptions options;
-  options.database = database;
-  options.backup_dir = backups;
+  options.service.engine.database = database;
+  options.service.backup_dir = backups;
   try {
     CheckOptions(options);
   } catch (const Error& error) {

@@ -230,17 +230,19 @@ TEST(ServerOptions, ReadsFlagsEnvironmentAndFile) {
   std::ofstream(file)
       << "queue-length = 7\nhttp-threads = 9\nmax-body-mb = 3\nauto-train = false\n";
   setenv("PLIANT_HTTP_THREADS", "11", 1);
-  const char* argv[] = {"pliant-server", "--db",          "x.db", "--config",
-                        file.c_str(),    "--max-body-mb", "5"};
-  const ParsedCommandLine parsed = ParseCommandLine(7, argv);
+  const char* argv[] = {"pliant-server", "--db",           "x.db", "--config",
+                        file.c_str(),    "--max-body-mb",  "5",    "--fetch-hosts",
+                        "a.b,*.c.d",     "--idle-timeout", "7"};
+  const ParsedCommandLine parsed = ParseCommandLine(11, argv);
   unsetenv("PLIANT_HTTP_THREADS");
   ASSERT_FALSE(parsed.finished);
-  EXPECT_EQ(parsed.options.queue_length, 7);
-  EXPECT_FALSE(parsed.options.auto_train);
-  EXPECT_TRUE(parsed.options.keep_originals);
-  EXPECT_EQ(parsed.options.http_threads, 11) << "the environment comes before the file";
-  EXPECT_EQ(parsed.options.max_body_mb, 5) << "a flag comes before the file";
-  EXPECT_EQ(MakeHttpOptions(parsed.options).max_body_bytes, 5U << 20);
+  EXPECT_EQ(parsed.options.service.pool.queue_length, 7);
+  EXPECT_FALSE(parsed.options.service.auto_train);
+  EXPECT_TRUE(parsed.options.service.engine.keep_originals);
+  EXPECT_EQ(parsed.options.http.threads, 11) << "the environment comes before the file";
+  EXPECT_EQ(parsed.options.http.max_body_bytes, 5U << 20) << "a flag comes before the file";
+  EXPECT_THAT(parsed.options.service.fetch.hosts, testing::ElementsAre("a.b", "*.c.d"));
+  EXPECT_EQ(parsed.options.http.idle_timeout, std::chrono::seconds(7));
 }
 
 TEST(ServerOptions, AnEmptyVariableIsAnEmptyValue) {
@@ -253,9 +255,9 @@ TEST(ServerOptions, AnEmptyVariableIsAnEmptyValue) {
     unsetenv(name);
   }
   ASSERT_FALSE(parsed.finished);
-  EXPECT_EQ(parsed.options.import_dir, "");
-  EXPECT_EQ(parsed.options.model, "");
-  EXPECT_FALSE(parsed.options.keep_originals);
+  EXPECT_EQ(parsed.options.service.import_dir, "");
+  EXPECT_EQ(parsed.options.service.engine.descriptor_options.model_path, "");
+  EXPECT_FALSE(parsed.options.service.engine.keep_originals);
 }
 
 TEST(ServerOptions, PrintsWhatIsInForceAndReadsItAgain) {
@@ -280,18 +282,18 @@ TEST(ServerOptions, PrintsWhatIsInForceAndReadsItAgain) {
 
 TEST(ServerOptions, RefusesWhatCannotBeMeant) {
   ServerOptions good;
-  good.cors_origins = "https://a.example,http://localhost:3000";
+  good.http.allowed_origins = {"https://a.example", "http://localhost:3000"};
   EXPECT_NO_THROW(CheckOptions(good));
   for (const char* origins : {"a.example", "https://a.example/", "https://a.example/x", "null"}) {
     ServerOptions options;
-    options.cors_origins = origins;
+    options.http.allowed_origins = {origins};
     EXPECT_THROW(CheckOptions(options), Error) << origins;
   }
   ServerOptions directory;
-  directory.backup_dir = "/nowhere";
+  directory.service.backup_dir = "/nowhere";
   EXPECT_THROW(CheckOptions(directory), Error);
   ServerOptions half;
-  half.tls_cert = "cert.pem";
+  half.http.tls_certificate = "cert.pem";
   EXPECT_THROW(CheckOptions(half), Error);
 }
 

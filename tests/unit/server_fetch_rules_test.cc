@@ -176,18 +176,17 @@ TEST(FetchHosts, RefusesWhatCannotBeMeant) {
 
 TEST(FetchOptions, AreCheckedAtTheStart) {
   ServerOptions options;
-  options.fetch_hosts = "images.example.org,*.shop.example";
-  options.fetch_private = true;
+  options.service.fetch.hosts = {"images.example.org", "*.shop.example"};
+  options.service.fetch.allow_private = true;
   EXPECT_NO_THROW(CheckOptions(options));
   const ServiceOptions service = MakeServiceOptions(options);
-  EXPECT_EQ(service.fetch.hosts.size(), 2U);
   EXPECT_EQ(service.fetch.max_bytes, 32U << 20);
-  EXPECT_EQ(service.fetch.most_at_once, options.http_threads / 4);
-  options.fetch_hosts = "*";
+  EXPECT_EQ(service.fetch.most_at_once, options.http.threads / 4);
+  options.service.fetch.hosts = {"*"};
   EXPECT_THROW(CheckOptions(options), Error) << "any host, and private addresses";
-  options.fetch_private = false;
+  options.service.fetch.allow_private = false;
   EXPECT_NO_THROW(CheckOptions(options));
-  options.fetch_hosts = "https://images.example.org";
+  options.service.fetch.hosts = {"https://images.example.org"};
   EXPECT_THROW(CheckOptions(options), Error);
 }
 

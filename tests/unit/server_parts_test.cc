@@ -69,9 +69,9 @@ TEST_F(PeerLayoutTest, SaysWhatIsWrong) {
 
 TEST_F(PeerLayoutTest, TheOptionsMustFitTogether) {
   ServerOptions options;
-  options.database = "postgresql://db/pliant";
-  options.peers = folder_ / "peers.toml";
-  options.index_dir = folder_.path();
+  options.service.engine.database = "postgresql://db/pliant";
+  options.service.peers = folder_ / "peers.toml";
+  options.service.engine.index_dir = folder_.path();
   for (const char* part : {"1/1", "1/4", "4/4"}) {
     options.part = part;
     EXPECT_NO_THROW(CheckOptions(options)) << part;
@@ -81,10 +81,10 @@ TEST_F(PeerLayoutTest, TheOptionsMustFitTogether) {
     ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
   }
   options.part = "1/4";
-  options.index_dir = folder_ / "missing";
+  options.service.engine.index_dir = folder_ / "missing";
   ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
-  options.index_dir = "";
-  options.database = folder_ / "a.db";
+  options.service.engine.index_dir = "";
+  options.service.engine.database = folder_ / "a.db";
   ExpectError(ErrorCode::kInvalidArgument, "invalid_option", [&] { CheckOptions(options); });
 }
 
