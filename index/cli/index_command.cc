@@ -12,6 +12,7 @@
 #include "index/cli/progress.h"
 #include "index/engine/training_policy.h"
 #include "index/import/folder_import.h"
+#include "index/json/record_json.h"
 
 namespace pliant::cli {
 namespace {
@@ -93,7 +94,7 @@ void PrintText(const Outcome& outcome, const ImageFiles& files) {
 Json ToJson(const Outcome& outcome) {
   Json vocabulary = nullptr;
   if (outcome.vocabulary) {
-    vocabulary = VocabularyDocument(*outcome.vocabulary);
+    vocabulary = VocabularyJson(*outcome.vocabulary);
     vocabulary["trained"] = outcome.trained;
   }
   return {{"indexed", outcome.job.indexed},

@@ -11,7 +11,6 @@
 #include "index/cli/progress.h"
 #include "index/files/text.h"
 #include "index/json/record_csv.h"
-#include "index/json/record_json.h"
 #include "index/usage/usage.h"
 
 namespace pliant::cli {
@@ -151,17 +150,6 @@ Json SkippedJson(const std::vector<SkippedFile>& skipped) {
     list.push_back({{"file", s.file}, {"code", s.code}, {"reason", s.reason}});
   }
   return list;
-}
-
-Json VocabularyDocument(const VocabularyRecord& record) {
-  Json json = VocabularyJson(record);
-  json["created_ms"] = record.created_ms;
-  json["origin"] = {{"method", record.origin.method},
-                    {"seed", record.origin.seed},
-                    {"sampled", record.origin.sampled},
-                    {"available", record.origin.available},
-                    {"loss", record.origin.loss}};
-  return json;
 }
 
 }  // namespace pliant::cli

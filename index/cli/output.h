@@ -86,8 +86,4 @@ std::string TableOf(const Json& rows, const std::vector<Column>& columns);
 // A line of titles, then one line per row. A null is empty.
 std::string CsvOf(const Json& rows, const std::vector<Column>& columns);
 
-// VocabularyJson, and with the names that the command line gave first: "created_ms" and
-// "origin": {"method", "seed", "sampled", "available", "loss"}.
-Json VocabularyDocument(const VocabularyRecord& record);
-
 }  // namespace pliant::cli

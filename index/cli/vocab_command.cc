@@ -9,6 +9,7 @@
 #include "index/cli/interrupt.h"
 #include "index/cli/output.h"
 #include "index/cli/progress.h"
+#include "index/json/record_json.h"
 
 namespace pliant::cli {
 namespace {
@@ -32,7 +33,7 @@ ExitStatus Train(Options& options) {
     engine.UseVocabulary(options.train.collection, record.id);
     record.active = true;
   }
-  Report(options.json, VocabularyDocument(record),
+  Report(options.json, VocabularyJson(record),
          "vocabulary {}: {} words from {} of {} descriptors, mean distance {:.4f}", record.id,
          record.words, record.origin.sampled, record.origin.available, record.origin.loss);
   if (!options.json && !record.active) {
@@ -46,7 +47,7 @@ ExitStatus List(Options& options) {
   Engine engine = OpenExisting(options.engine, /*read_only=*/true);
   Json rows = Json::array();
   for (const VocabularyRecord& record : engine.ListVocabularies(options.train.collection)) {
-    rows.push_back(VocabularyDocument(record));
+    rows.push_back(VocabularyJson(record));
     if (options.json) continue;
     rows.back()["state"] = record.active ? "in use" : "";
     rows.back()["trained"] = FormatUtc(record.created_ms, "%Y-%m-%d %H:%M:%S");
@@ -60,9 +61,9 @@ ExitStatus List(Options& options) {
     Print(TableOf(rows, {{"/id", "id"},
                          {"/state", "state"},
                          {"/words", "words"},
-                         {"/origin/sampled", "sampled"},
-                         {"/origin/seed", "seed"},
-                         {"/origin/loss", "mean distance", 4},
+                         {"/sampled", "sampled"},
+                         {"/seed", "seed"},
+                         {"/loss", "mean distance", 4},
                          {"/trained", "trained (UTC)"}}));
   }
   return ExitStatus::kDone;

@@ -60,8 +60,8 @@ TEST_F(CliTest, VocabulariesFromTheCommandLine) {
   ASSERT_EQ(trained.status, 0) << trained.err;
   EXPECT_EQ(trained.json()["words"], 20);
   EXPECT_EQ(trained.json()["active"], false);
-  EXPECT_EQ(trained.json()["origin"]["seed"], 9);
-  EXPECT_EQ(trained.json()["origin"]["sampled"], 300);
+  EXPECT_EQ(trained.json()["seed"], 9);
+  EXPECT_EQ(trained.json()["sampled"], 300);
   EXPECT_EQ(Query(2)["vocabulary"], 1);
   ASSERT_EQ(RunProgram({"vocab", "use", "2", "--db", db_}).status, 0);
   EXPECT_EQ(Query(2)["vocabulary"], 2);
