@@ -44,7 +44,8 @@ void AddPeerRoutes(RouteTable& table) {
               Parameter("parts", "that the index has").Integer(1, kMostParts).Required(),
               Parameter("timeout_ms", "after which the answer is not needed any more")
                   .Integer(1, 600'000)
-                  .Default("5000")});
+                  .Default("5000")})
+      .Codes({"part_elsewhere", "part_changed"});
 }
 
 }  // namespace pliant::server
