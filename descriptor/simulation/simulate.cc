@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <mutex>
+#include <sstream>
 #include <system_error>
 
 #include "descriptor/base/error.h"
 #include "descriptor/base/parallel.h"
+#include "descriptor/base/replace_file.h"
 #include "descriptor/base/stopwatch.h"
 #include "descriptor/image/image.h"
 #include "descriptor/simulation/procedural.h"
@@ -145,6 +149,51 @@ class Run {
   bool tensors_;
 };
 
+// All that the scenes of a set have in common.
+std::string Settings(const SimulateOptions& options, const SceneOptions& scene,
+                     std::size_t textures) {
+  std::ostringstream text;
+  text << "preset " << options.preset << "\nseed " << options.seed << "\ntextures " << textures
+       << "\nviews " << scene.views << "\nwidth " << scene.width << "\nheight " << scene.height
+       << "\nchannels " << scene.channels << "\nstrength " << scene.strength << "\noccluders "
+       << scene.occluders << "\nturn " << scene.turn_deg << "\nleast-scale " << scene.least_scale
+       << "\nformat " << (WritesTensors(options, scene.preset) ? "tensors" : "folders") << '\n';
+  if (options.distractors > 0)
+    text << "first distractor " << options.first + options.scenes << '\n';
+  return text.str();
+}
+
+// The first line of `settings` that `others` does not have.
+std::string FirstDifference(const std::string& settings, const std::string& others) {
+  std::istringstream lines(settings);
+  for (std::string line; std::getline(lines, line);) {
+    if (('\n' + others).find('\n' + line + '\n') == std::string::npos) return line;
+  }
+  return "fewer lines";
+}
+
+// Creates the folder of a set, or continues a set of the same settings.
+void OpenFolder(const std::string& folder, const std::string& settings) {
+  std::error_code failed;
+  fs::create_directories(folder, failed);
+  const fs::path file = fs::path(folder) / "settings.txt";
+  if (!failed && fs::exists(file)) {
+    std::ifstream in(file);
+    const std::string stored{std::istreambuf_iterator<char>(in), {}};
+    if (stored == settings) return;
+    throw Error(ErrorCode::kConflict, "other_settings",
+                "the folder " + folder + " has scenes of other settings (" +
+                    FirstDifference(stored, settings) + ", not " +
+                    FirstDifference(settings, stored) + "); name another folder");
+  }
+  const std::string_view parts[] = {settings};
+  if (!failed) failed = ReplaceFile(file, parts);
+  if (failed) {
+    throw Error(ErrorCode::kNoSpace, "file_unwritable",
+                "cannot write to the output folder " + folder + ": " + failed.message());
+  }
+}
+
 }  // namespace
 
 SimulateReport Simulate(const SimulateOptions& options) {
@@ -153,12 +202,7 @@ SimulateReport Simulate(const SimulateOptions& options) {
   SimulateReport report;
   const TextureSource textures = OpenTextures(options, report);
   report.textures = static_cast<std::int64_t>(textures.size());
-  std::error_code failed;
-  fs::create_directories(options.out, failed);
-  if (failed) {
-    throw Error(ErrorCode::kNoSpace, "file_unwritable",
-                "cannot create the output folder " + options.out + ": " + failed.message());
-  }
+  OpenFolder(options.out, Settings(options, scene, textures.size()));
   const Stopwatch watch;
   Run run(options, scene, textures, report);
   ParallelFor(static_cast<std::size_t>(options.scenes + options.distractors), options.jobs,

@@ -52,9 +52,11 @@ struct SimulateReport {
 };
 
 // The same options give bit-identical files on one machine, independently of `jobs`. Scenes appear
-// complete or not at all. Existing scenes are kept, so that an interrupted run can be resumed.
-// Throws Error: kInvalidArgument ("option_out_of_range", "preset_unknown", "textures_missing"),
-// kNotFound "textures_not_found", kNoSpace "file_unwritable", kCancelled "simulation_stopped".
+// complete or not at all. Existing scenes are kept, so that an interrupted run can be resumed;
+// settings.txt in the folder says how they were made. Throws Error: kInvalidArgument
+// ("option_out_of_range", "preset_unknown", "textures_missing"), kNotFound "textures_not_found",
+// kConflict "other_settings" for a folder with scenes of other settings, kNoSpace
+// "file_unwritable", kCancelled "simulation_stopped".
 SimulateReport Simulate(const SimulateOptions& options);
 
 }  // namespace pliant

@@ -31,14 +31,15 @@ class SimulationReport:
 
 def simulate(textures: str | os.PathLike[str], out: str | os.PathLike[str], *,
              progress: Callable[[int, int], object] | None = None, **options: Any) -> SimulationReport:
-    """Renders scenes into the folder `out`, like `pliant simulate`. Existing scenes stay.
+    """Renders scenes into the folder `out`, like `pliant simulate`. Existing scenes of the same
+    settings stay.
 
     textures: a folder of images, a safetensors pack, or "procedural" for generated ones.
     options: preset ("pairs", "objects", "sequence", "rotation", "scale", "planar", "street"), format ("auto", "tensors",
         "folders"), scenes (100), first (0), distractors (0), views (0 = the preset's), width (640), height (480), colour
         (False), strength (1.0), occluders (0.25), turn_deg (60), least_scale (0.5), seed (1), jobs (0 = one per core).
     Other threads call progress(done, total); an exception from it stops the work, like Ctrl-C. Complete scenes
-    stay. Raises InvalidArgumentError, NotFoundError, NoSpaceError.
+    stay. Raises InvalidArgumentError, NotFoundError, ConflictError (the folder has scenes of other settings), NoSpaceError.
     """
     given: dict[str, Any] = {"textures": _checks.path("textures", textures), "out": _checks.path("out", out)}
     for name, value in options.items():

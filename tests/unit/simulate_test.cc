@@ -106,6 +106,32 @@ TEST_F(SimulateTest, ResumesWithTheSameBytes) {
   EXPECT_EQ(Contents("part").at("scene_000002.safetensors"), before.at("scene_000002.safetensors"));
 }
 
+TEST_F(SimulateTest, AFolderWithScenesOfOtherSettingsIsRefused) {
+  Simulate(Options("set"));
+  const auto before = Contents("set");
+  SimulateOptions larger = Options("set");
+  larger.width = 128;
+  try {
+    Simulate(larger);
+    ADD_FAILURE() << "was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.reason(), "other_settings");
+    EXPECT_THAT(error.what(), testing::HasSubstr("width 96, not width 128"));
+  }
+  EXPECT_EQ(Contents("set"), before);
+  SimulateOptions more = Options("set");
+  more.scenes = 4;
+  EXPECT_EQ(Simulate(more).scenes, 1);
+  // Distractors are numbered after the objects.
+  SimulateOptions objects = Options("objects");
+  objects.preset = "objects";
+  objects.scenes = 1;
+  objects.distractors = 1;
+  Simulate(objects);
+  objects.scenes = 2;
+  EXPECT_THROW(Simulate(objects), Error);
+}
+
 TEST_F(SimulateTest, StoppingLeavesOnlyCompleteScenes) {
   SimulateOptions options = Options("stopped");
   options.format = "folders";
@@ -120,7 +146,8 @@ TEST_F(SimulateTest, StoppingLeavesOnlyCompleteScenes) {
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kCancelled);
   }
-  EXPECT_EQ(Contents("stopped").size(), 2U * 5U);  // two images, two truths, scene.json each
+  EXPECT_EQ(Contents("stopped").size(),
+            2U * 5U + 1U);  // two images, two truths, scene.json each; settings.txt
 }
 
 TEST_F(SimulateTest, BrokenTexturesAreNamedAndSkipped) {
@@ -177,11 +204,11 @@ TEST_F(SimulateTest, ObjectsHaveAReferenceAndDistractorsNone) {
   Simulate(options);
   std::vector<std::string> names;
   for (const auto& [name, bytes] : Contents("objects")) names.push_back(name);
-  EXPECT_THAT(names,
-              testing::ElementsAre("distractor_0003/view_01.jpg", "distractor_0003/view_02.jpg",
-                                   "object_0001/ref.jpg", "object_0001/view_01.jpg",
-                                   "object_0001/view_02.jpg", "object_0002/ref.jpg",
-                                   "object_0002/view_01.jpg", "object_0002/view_02.jpg"));
+  EXPECT_THAT(names, testing::ElementsAre("distractor_0003/view_01.jpg",
+                                          "distractor_0003/view_02.jpg", "object_0001/ref.jpg",
+                                          "object_0001/view_01.jpg", "object_0001/view_02.jpg",
+                                          "object_0002/ref.jpg", "object_0002/view_01.jpg",
+                                          "object_0002/view_02.jpg", "settings.txt"));
   EXPECT_EQ(
       cv::imread((root_ / "objects/object_0001/ref.jpg").string(), cv::IMREAD_UNCHANGED).channels(),
       3);
