@@ -29,9 +29,9 @@ dnnl::primitive_attr ScratchByCaller() {
 }
 
 memory::data_type FastestType() {
-  constexpr auto kTiles = static_cast<unsigned>(dnnl::cpu_isa::avx512_core_amx);
+  constexpr auto kBfloat16 = static_cast<unsigned>(dnnl::cpu_isa::avx512_core_bf16);
   const auto usable = static_cast<unsigned>(dnnl::get_effective_cpu_isa());
-  return (usable & kTiles) == kTiles ? memory::data_type::bf16 : memory::data_type::f32;
+  return (usable & kBfloat16) == kBfloat16 ? memory::data_type::bf16 : memory::data_type::f32;
 }
 
 memory::desc DenseDesc(const memory::dims& dims, Tag tag, memory::data_type type) {
