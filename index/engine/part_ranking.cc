@@ -23,7 +23,7 @@ namespace {
 
 using Clock = PartServers::Clock;
 
-constexpr std::uint32_t kVersion = 2;  // of the messages
+constexpr std::uint32_t kVersion = 3;  // of the messages
 // Votes that are kept for a second step: the oldest go first.
 constexpr std::size_t kMostKeptBytes = std::size_t{1} << 30U;
 constexpr std::chrono::seconds kKeptFor{30};
@@ -90,23 +90,6 @@ class Archive {
       Do(list.data(), size * sizeof(Value));
     } else {
       for (std::size_t i = 0; i < size; ++i) Do(reads_ ? list.emplace_back() : list[i]);
-    }
-  }
-  // Ascending: as differences, with 7 bits in a byte.
-  void Do(std::vector<Key>& keys) {
-    std::size_t size = keys.size();
-    Do(size);
-    std::uint64_t before = 0;
-    for (std::size_t i = 0; i < size; ++i) {
-      Key& key = reads_ ? keys.emplace_back() : keys[i];
-      std::uint64_t rest = static_cast<std::uint64_t>(key) - before;
-      std::uint8_t byte = 0x80;
-      for (unsigned shift = 0; byte >= 0x80 && shift < 64; shift += 7, rest >>= 7U) {
-        byte = static_cast<std::uint8_t>(rest < 0x80 ? rest : rest | 0x80U);
-        Do(byte);
-        before += std::uint64_t{byte & 0x7FU} << shift;
-      }
-      key = static_cast<Key>(before);
     }
   }
 
