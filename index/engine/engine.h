@@ -121,7 +121,6 @@ class Engine {
   // exist.
   bool CreateCollection(const std::string& name);
   std::vector<std::string> ListCollections();
-  std::vector<CollectionLabel> ListLabels();  // the same, with display names and aliases
   bool RemoveCollection(const std::string& name);
   // kNotFound as GetCollection; kInvalidArgument "display_name_invalid", "found_from_invalid".
   CollectionRecord ChangeCollection(const std::string& name, const CollectionChange& change);

@@ -83,8 +83,6 @@ bool Engine::CreateCollection(const std::string& name) {
 
 std::vector<std::string> Engine::ListCollections() { return core_->catalogue().ListCollections(); }
 
-std::vector<CollectionLabel> Engine::ListLabels() { return core_->catalogue().ListLabels(); }
-
 std::string Engine::CollectionName(const std::string& name_or_alias) {
   return core_->catalogue().RequireCollection(name_or_alias).name;
 }
