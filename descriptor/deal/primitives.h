@@ -107,8 +107,8 @@ const dnnl::engine& CpuEngine();
 // The caller gives the scratch memory of each run.
 dnnl::primitive_attr ScratchByCaller();
 
-// In what type the networks' maps and weights are fastest: bf16 where the processor has dot products
-// of it (AVX512_BF16, AMX), else f32.
+// In what type the networks' maps and weights are fastest: bf16 where the processor has dot
+// products of it (AVX512_BF16, AMX), else f32.
 dnnl::memory::data_type FastestType();
 
 dnnl::memory::desc DenseDesc(const dnnl::memory::dims& dims, dnnl::memory::format_tag tag,
