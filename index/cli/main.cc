@@ -108,7 +108,11 @@ ExitStatus Run(int argc, char** argv) {
     FlushOutput();
     return status;
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? ExitStatus::kDone : ExitStatus::kWrongUsage;
+    if (program.exit(error) == 0) return ExitStatus::kDone;
+    if (WantsJson(program)) {
+      PrintJson({{"error", {{"code", "wrong_usage"}, {"message", error.what()}}}});
+    }
+    return ExitStatus::kWrongUsage;
   } catch (const Error& error) {
     ReportError(error, program, WantsJson(program));
     return ToExitStatus(error.code());

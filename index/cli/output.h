@@ -15,20 +15,9 @@
 #include "index/engine/engine.h"
 #include "index/files/image_files.h"
 #include "index/json/json.h"
+#include "index/usage/usage.h"
 
 namespace pliant::cli {
-
-// The only code that maps errors to exit statuses of `pliant`.
-enum class ExitStatus {
-  kDone = 0,
-  kFailed = 1,
-  kWrongUsage = 2,
-  kSomeSkipped = 3,  // done, but some inputs were skipped; each was named with its reason
-};
-
-inline ExitStatus ToExitStatus(ErrorCode code) {
-  return code == ErrorCode::kInvalidArgument ? ExitStatus::kWrongUsage : ExitStatus::kFailed;
-}
 
 void Print(std::string_view text);     // a line on standard output
 void PrintJson(const Json& document);  // the same

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: The Pliant authors
 // SPDX-License-Identifier: Apache-2.0
-// Options of both programs: checks of their values, whose errors are sentences ("must be a whole
-// number from 0 to 1024, not 4096"), and messages for wrong command lines.
+// Command lines of both programs: exit statuses, checks of options' values, whose errors are
+// sentences ("must be a whole number from 0 to 1024, not 4096"), and messages for wrong usage.
 #pragma once
 
 #include <limits>
@@ -14,6 +14,18 @@
 #include "descriptor/base/error.h"
 
 namespace pliant::cli {
+
+// The only code that maps errors to exit statuses of both programs.
+enum class ExitStatus {
+  kDone = 0,
+  kFailed = 1,
+  kWrongUsage = 2,
+  kSomeSkipped = 3,  // done, but some inputs were skipped; each was named with its reason
+};
+
+inline ExitStatus ToExitStatus(ErrorCode code) {
+  return code == ErrorCode::kInvalidArgument ? ExitStatus::kWrongUsage : ExitStatus::kFailed;
+}
 
 // For CLI::App::failure_message(): what is wrong, and the --help to read.
 std::string UsageError(const CLI::App* program, const CLI::Error& error);

@@ -260,7 +260,7 @@ int RunServer(const ServerOptions& options) {
     return StopServing(http, service, options, signals);
   } catch (const Error& error) {
     spdlog::error("{}", cli::WithFlagNames(error));
-    return 1;
+    return static_cast<int>(cli::ToExitStatus(error.code()));
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
     return 1;

@@ -161,7 +161,8 @@ int RunKeysCommand(int argc, const char* const* argv) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& error) {
     fmt::print(stderr, "pliant-server: {}\n", error.what());
-    return 1;
+    const auto* const known = dynamic_cast<const Error*>(&error);
+    return static_cast<int>(cli::ToExitStatus(known ? known->code() : ErrorCode::kInternal));
   }
 }
 

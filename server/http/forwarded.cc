@@ -88,8 +88,9 @@ void TrustedProxies::Apply(Request& request) const {
 }
 
 bool IsBasePath(const std::string& text) {
-  return text.empty() || (text.starts_with('/') && !text.ends_with('/') &&
-                          text.find("//") == text.npos && IsNameOf(text, "/-._~"));
+  return text.empty() ||
+         (text.starts_with('/') && !text.ends_with('/') && text.find("//") == text.npos &&
+          text.find("/.") == text.npos && IsNameOf(text, "/-._~"));
 }
 
 }  // namespace pliant::server

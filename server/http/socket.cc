@@ -6,6 +6,7 @@
 #include <array>
 #include <cerrno>
 #include <climits>
+#include <cstring>
 
 #include <fcntl.h>
 #include <netdb.h>
@@ -21,10 +22,12 @@ namespace pliant::server {
 namespace {
 
 [[noreturn]] void ThrowTls(const std::string& what) {
-  char reason[256] = "no reason given";
-  if (const unsigned long code = ERR_get_error()) ERR_error_string_n(code, reason, sizeof(reason));
+  const unsigned long code = ERR_get_error();
+  const char* const reason =
+      ERR_SYSTEM_ERROR(code) ? std::strerror(ERR_GET_REASON(code)) : ERR_reason_error_string(code);
   ERR_clear_error();
-  throw Error(ErrorCode::kInvalidArgument, "tls_invalid", what + ": " + reason);
+  throw Error(ErrorCode::kInvalidArgument, "tls_invalid",
+              what + (reason == nullptr ? "" : std::string(": ") + reason));
 }
 
 int AsInt(std::size_t size) { return static_cast<int>(std::min<std::size_t>(size, INT_MAX)); }
@@ -44,11 +47,11 @@ TlsContext::TlsContext(const std::string& certificate_file, const std::string& k
   SSL_CTX_set_mode(context, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER |
                                 SSL_MODE_RELEASE_BUFFERS);
   if (SSL_CTX_use_certificate_chain_file(context, certificate_file.c_str()) != 1) {
-    ThrowTls("--tls-cert " + certificate_file);
+    ThrowTls("--tls-cert " + certificate_file + " holds no certificate (PEM) that can be used");
   }
   if (SSL_CTX_use_PrivateKey_file(context, key_file.c_str(), SSL_FILETYPE_PEM) != 1 ||
       SSL_CTX_check_private_key(context) != 1) {
-    ThrowTls("--tls-key " + key_file);
+    ThrowTls("--tls-key " + key_file + " holds no private key (PEM) of the certificate");
   }
 }
 

@@ -22,6 +22,12 @@ TEST_F(CliTest, FailuresSayWhyAndAreJsonWhenAsked) {
   EXPECT_THAT(missing.err, HasSubstr("nowhere.png"));
   WriteBytes(folder_ / "q.png", RandomPng(1));
   const std::string q = (folder_ / "q.png").string();
+  for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{
+           {"query", "--json", "--db", db_}, {"query", q, "--db", db_, "--json", "--top", "x"}}) {
+    const ProgramResult usage = RunProgram(wrong);
+    EXPECT_EQ(usage.status, 2);
+    EXPECT_EQ(usage.json()["error"]["code"], "wrong_usage") << usage.err;
+  }
   EXPECT_EQ(RunProgram({"query", q, "--db", db_, "--json"}).json()["error"]["code"],
             "database_not_found");
   EXPECT_FALSE(std::filesystem::exists(db_));

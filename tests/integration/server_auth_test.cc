@@ -268,14 +268,14 @@ TEST_F(AuthTest, NamesThatSeveralKeysHaveAreNotRevoked) {
   EXPECT_EQ(Keys({"revoke", first.substr(4, 8)}).status, 0);
   EXPECT_EQ(Keys({"revoke", "same"}).status, 0) << "one is left";
   EXPECT_EQ(Keys({"create", "--scope", "all", "--name", "x"}).status, 2);
-  EXPECT_EQ(Keys({"create", "--scope", "read", "--name", ""}).status, 1);
+  EXPECT_EQ(Keys({"create", "--scope", "read", "--name", ""}).status, 2);
 }
 
 TEST_F(AuthTest, BeyondLoopbackOnlyWithKeysOrWhenTold) {
   const std::vector<std::string> open = {"--db",      DatabaseOf(database()), "--listen",
                                          "0.0.0.0:0", "--descriptor",         "rootsift"};
   const ProgramResult refused = Program(open, {}, ServerPath()).Wait();
-  EXPECT_EQ(refused.status, 1);
+  EXPECT_EQ(refused.status, 2);
   EXPECT_THAT(refused.err, HasSubstr("there are no API keys"));
   EXPECT_THAT(refused.err, HasSubstr("pliant-server keys create"));
   const auto starts = [&](const std::vector<std::string>& more) {

@@ -119,8 +119,8 @@ TEST_F(ServerErrorsTest, CommandLine) {
   expect({}, 2, "--db");
   expect({"--db", db, "--no-such-flag"}, 2, "--no-such-flag");
   expect({"--db", db, "--cores", "-1"}, 2, "--cores");
-  expect({"--db", db, "--listen", "0.0.0.0:0"}, 1, "--allow-anonymous");
-  expect({"--db", db, "--listen", "8080"}, 1, "--listen");
+  expect({"--db", db, "--listen", "0.0.0.0:0"}, 2, "--allow-anonymous");
+  expect({"--db", db, "--listen", "8080"}, 2, "--listen");
   expect({"--db", db, "--listen", "127.0.0.1:" + std::to_string(server_->port())}, 1,
          "cannot listen");
   expect({"--db", "/dev/null/x.db", "--listen", "127.0.0.1:0"}, 1, "/dev/null");

@@ -86,6 +86,17 @@ TEST_F(ServerProxyTest, OthersAreNotBelieved) {
   EXPECT_THAT(server_->Log(), HasSubstr("from=127.0.0.1 "));
 }
 
+TEST_F(ServerProxyTest, ABasePathThatIsNoneIsWrongUsage) {
+  for (const char* path : {"pliant", "/x/", "/x//y", "/x/../y", "/."}) {
+    const ProgramResult refused = Program({"--db", (folder_ / "none.db").string(), "--listen",
+                                           "127.0.0.1:0", "--base-path", path},
+                                          {}, ServerPath())
+                                      .Wait();
+    EXPECT_EQ(refused.status, 2) << path;
+    EXPECT_THAT(refused.err, HasSubstr("--base-path must be a path"));
+  }
+}
+
 TEST_F(ServerProxyTest, ABasePathIsRemovedAndAdded) {
   Start({"--base-path", "/pliant", "--auto-train", "false"});
   auto client = server_->Client();

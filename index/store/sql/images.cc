@@ -159,7 +159,7 @@ bool OtherMetadata(const ImageRecord& stored, const AddRequest& request) {
                                      : "with other metadata";
   throw Error(ErrorCode::kConflict, "same_bytes",
               "The same bytes are stored as image \"" + ToDisplayText(stored.id) + "\" " +
-                  difference + ". Use that id to change it, or another to store a copy.");
+                  difference + ". Change that image, or store a copy with another id.");
 }
 
 std::optional<ImageRecord> FindMeant(const std::vector<ImageRecord>& same_bytes,
